@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Sequence
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +39,13 @@ def column_of(values: NDArray[Any]) -> pa.Array:
     """[n] numbers as a column, as they lie. Not `pyarrow.array`, which imports pandas as `to_numpy` does."""
     whole = np.ascontiguousarray(values)
     return pa.Array.from_buffers(pa.from_numpy_dtype(whole.dtype), len(whole), [None, pa.py_buffer(whole)])
+
+
+def texts(values: Sequence[str]) -> pa.Array:
+    """[n] strings as a column; as `column_of`."""
+    spelled = [value.encode() for value in values]
+    offsets = pa.py_buffer(array("i", accumulate(map(len, spelled), initial=0)))
+    return pa.Array.from_buffers(pa.string(), len(spelled), [None, offsets, pa.py_buffer(b"".join(spelled))])
 
 
 def matrix_of(table: pa.Table, columns: Sequence[str]) -> NDArray[Any]:

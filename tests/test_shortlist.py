@@ -34,7 +34,7 @@ from motionlake.retrieval.shortlist_methods import METHODS
 from motionlake.stages import shortlist_moves
 from motionlake.stages.reader import lake_reader
 from motionlake.stages.shortlist import COMPARED, SHORTLIST
-from motionlake.stages.shortlist_files import ShortlistFiles, pieces_in
+from motionlake.stages.shortlist_files import MOVE_PIECES, ShortlistFiles
 from motionlake.threads import limited
 
 from tests.lakes import Changed, files, motionlake, query
@@ -290,9 +290,9 @@ def test_some_frames_of_moves(large: Path) -> None:
     names = [str(path.relative_to(large)) for path in large.glob("shortlist/*")]
     shortlist = ShortlistFiles.open(open_lake(large), names)
     rows = np.array([3, 0, 5, 2])
-    whole = shortlist.moves(rows)
+    whole = shortlist.moves.of(rows)
     for every in (1, 2, 4, 1000):
-        frames, starts, counts = shortlist.moves_at(rows, every)
+        frames, starts, counts = shortlist.moves.at(rows, every)
         for moves, start, count in zip(whole, starts.tolist(), counts.tolist(), strict=True):
             assert np.array_equal(frames[start : start + count], moves[::every])
 
@@ -353,7 +353,7 @@ def test_a_large_lake_of_which_clips_leave(large: Path, tmp_path: Path, schedule
         assert motionlake("run", "shortlist", "--lake", root, "--scheduler", scheduler).status == 0
     after = {name for name in files(root) if name.startswith("shortlist/")}
     assert len(after) == len(before)
-    assert {name.partition("-")[2] for name in after & before} == {"moves.f16"}
+    assert {name.partition("-")[2] for name in after & before} == {"moves.f16", "windows.rows"}
     assert_alike(*both(root, Query(clip), 5, Scope()))
     assert motionlake("verify", "--deep", "--lake", root).status == 0
 
@@ -411,7 +411,8 @@ def test_a_lake_that_has_grown_by_half_is_looked_at_anew(
 
 
 def pieces(root: Path) -> list[Path]:
-    return [root / file for file in pieces_in([str(path.relative_to(root)) for path in root.glob("shortlist/*")])]
+    files = [str(path.relative_to(root)) for path in root.glob("shortlist/*")]
+    return [root / file for file in MOVE_PIECES.among(files)]
 
 
 def moves_read(patched: pytest.MonkeyPatch) -> list[str]:

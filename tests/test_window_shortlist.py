@@ -14,8 +14,7 @@ import pyarrow as pa
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from motionlake.lake.catalog import fetch, reading
-from motionlake.lake.integrity import sound
+from motionlake.lake.catalog import reading
 from motionlake.lake.layout import open_lake
 from motionlake.retrieval import window_shortlist
 from motionlake.retrieval.lake_shortlist import shortlist_of
@@ -25,8 +24,7 @@ from motionlake.retrieval.window_scan import WindowScan
 from motionlake.retrieval.window_shortlist import WindowShortlist, nearest_of_clips
 from motionlake.stages import shortlist_windows, windows
 from motionlake.stages.shortlist_files import is_of_windows
-from motionlake.stages.shortlist_windows import DIRECTIONS, WindowNumbers, kind_of
-from motionlake.stages.windows import WindowFile
+from motionlake.stages.shortlist_windows import DIRECTIONS, ShortlistWindows, kind_of
 
 from tests import test_shortlist
 from tests.lakes import made_clips, motionlake, query
@@ -52,10 +50,10 @@ def large(tmp_path_factory: pytest.TempPathFactory, built_lake: Path, scheduler:
     return root
 
 
-def held(root: Path) -> WindowNumbers:
+def held(root: Path) -> ShortlistWindows:
     lake = open_lake(root)
     with few(), reading(lake) as con:
-        found = WindowNumbers.open(lake, shortlist_of(lake), kind_of(con))
+        found = ShortlistWindows.open(lake, shortlist_of(lake), kind_of(con))
     assert found is not None
     return found
 
@@ -66,23 +64,41 @@ def scan_of(root: Path, *, exact: bool = False) -> object:
 
 def test_numbers_are_where_windows_lie(large: Path) -> None:
     """Every window of every clip, in the order of its clip's windows, to half of a whole number."""
-    found, lake = held(large), open_lake(large)
-    rows = {clip: row for row, clip in enumerate(found.clips["clip"].to_pylist())}
+    found = held(large)
     seen = 0
-    with reading(lake) as con:
-        files = [row["codes"] for row in fetch(con, "window_files")]
-    for file in files:
-        codes = WindowFile.open(sound(lake, file))
-        for clip, own in codes.runs.items():
-            exact = found.directions.project(codes.codes[own] * codes.scales[own, None])
-            places = found.places[found.starts[rows[clip]] : found.starts[rows[clip] + 1]]
-            np.testing.assert_allclose(places, np.clip(exact, -127, 127), atol=0.51)
-            seen += len(places)
-    assert seen == len(found.places) == found.starts[-1]
-    assert found.places.shape[1] == len(found.steps) == DIRECTIONS
-    assert np.abs(found.places.astype(int)).max() <= 127
-    assert (np.abs(found.places.astype(int)).max(axis=0)[:16] > 40).all(), "along the first directions"
+    for row, windows_of_clip in enumerate(found.rows.of(np.arange(len(found.clips)))):
+        exact = found.directions.project(windows_of_clip["vector"].astype(np.float32))
+        places = found.numbers[found.starts[row] : found.starts[row + 1]]
+        np.testing.assert_allclose(places, np.clip(exact, -127, 127), atol=0.51)
+        seen += len(places)
+    assert seen == len(found.numbers) == found.starts[-1]
+    assert found.numbers.shape[1] == len(found.steps) == DIRECTIONS
+    assert np.abs(found.numbers.astype(int)).max() <= 127
+    assert (np.abs(found.numbers.astype(int)).max(axis=0)[:16] > 40).all(), "along the first directions"
     assert found.steps[:16].min() > found.steps[-16:].max() > 0, "along the first windows differ most"
+
+
+def windows_by_clip(root: Path) -> dict[str, dict[tuple[int, int], list[float]]]:
+    """Of the lake's clips, the vector of each window, by its bounds."""
+    found: dict[str, dict[tuple[int, int], list[float]]] = {}
+    rows = query(root, "SELECT clip, start, stop, descriptor FROM submotions JOIN clips USING (clip, part)")
+    for clip, start, stop, vector in rows:
+        found.setdefault(clip, {})[start, stop] = vector
+    return found
+
+
+def assert_windows_are_those_of_parts(root: Path) -> None:
+    found, parts = held(root), windows_by_clip(root)
+    names = found.clips["clip"].to_pylist()
+    for clip, rows in zip(names, found.rows.of(np.arange(len(names))), strict=True):
+        wanted, bounds = parts.pop(clip, {}), list(zip(rows["start"].tolist(), rows["stop"].tolist(), strict=True))
+        assert sorted(bounds) == sorted(wanted)
+        np.testing.assert_array_equal(rows["vector"], np.array([wanted[b] for b in bounds]).reshape(-1, 512))
+    assert not parts
+
+
+def test_vectors_are_those_of_parts(large: Path) -> None:
+    assert_windows_are_those_of_parts(large)
 
 
 def test_answers_are_those_of_every_window(large: Path, built_lake: Path) -> None:
@@ -130,11 +146,14 @@ def test_clips_that_stay_are_taken_over(
         assert motionlake("run", "shortlist", "--lake", root).status == 0
     after = held(root)
     assert len(read) == parts, "those that came"
+    assert after.pieces[0] == before.pieces[0]
+    assert len(after.pieces) == 2
+    assert_windows_are_those_of_parts(root)
     np.testing.assert_array_equal(after.directions.matrix, before.directions.matrix)
     clips = [each.clips["clip"].to_pylist() for each in (before, after)]
     for clip in set(clips[0]) - {gone}:
         old, new = (
-            each.places[slice(*each.starts[names.index(clip) :][:2])]
+            each.numbers[slice(*each.starts[names.index(clip) :][:2])]
             for each, names in zip((before, after), clips, strict=True)
         )
         np.testing.assert_array_equal(old, new)
@@ -157,13 +176,12 @@ def test_windows_of_another_encoder_are_not_read(large: Path, tmp_path: Path, sc
         assert find(root, clip, 3, 33).json == found
 
 
-def test_damaged_numbers_answer_nothing(large: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["windows.npy", "windows.rows"])
+def test_damaged_numbers_answer_nothing(large: Path, tmp_path: Path, name: str) -> None:
     root = Path(shutil.copytree(large, tmp_path / "lake"))
     (clip, _), *_ = longest(root, 1)
-    (file,) = (path for path in root.glob("shortlist/*-windows.npy") if is_of_windows(path.name))
-    content = bytearray(file.read_bytes())
-    content[len(content) // 2] ^= 1
-    file.write_bytes(content)
+    (file,) = (path for path in root.glob(f"shortlist/*-{name}") if is_of_windows(path.name))
+    file.write_bytes(bytes(byte ^ 1 for byte in file.read_bytes()))
     with few():
         asked = find(root, clip, 3, 33)
         assert (asked.status, asked.out, file.name in asked.err) == (2, "", True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ import pytest
 from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.layout import open_lake
 from motionlake.retrieval.submotion_search import SubmotionSearcher
-from motionlake.retrieval.window_codes import CodedPiece, codes_of_files, nearest_of_parts
+from motionlake.retrieval.window_codes import CodedPiece
 from motionlake.stages import windows
 from motionlake.stages.windows import WINDOWS, WindowFile
 
@@ -55,31 +54,6 @@ def test_codes_are_the_vectors_rounded(coded_lake: Path) -> None:
         np.testing.assert_allclose(found.codes * found.scales[:, None], exact, atol=float(found.scales.max()) * 0.51)
         near = CodedPiece.of(exact[0]).apart(found)
         np.testing.assert_allclose(np.sqrt(np.maximum(near, 0)), np.linalg.norm(exact - exact[0], axis=1), atol=0.02)
-
-
-def test_codes_choose_the_clips_whose_windows_are_near(coded_lake: Path) -> None:
-    """Among some clips, without windows that overlap the query's own; clips without codes are not left out."""
-    lake = open_lake(coded_lake)
-    windows = query(
-        coded_lake, "SELECT clip, start, stop, descriptor, c.part FROM submotions JOIN clips c USING (clip)"
-    )
-    parts = {clip: part for clip, *_, part in windows}
-    with reading(lake) as con:
-        files = codes_of_files(fetch(con, "window_files"))
-    with ThreadPoolExecutor(2) as pool:
-        for clip, start, stop, vector, _ in windows[::7]:
-            asked, without = np.array(vector, np.float32), {"clip": clip, "first": start, "last": stop}
-            apart: dict[str, float] = {}
-            for other, first, last, there, _ in windows:
-                if other != clip or first >= stop or last <= start:
-                    distance = float(np.linalg.norm(np.array(there, np.float32) - asked))
-                    apart[other] = min(apart.get(other, np.inf), distance)
-            found = nearest_of_parts(lake, files, parts, asked, 3, without, pool)
-            assert all(parts[each] == part for each, part in found.items())
-            nearest = sorted(apart.values())[:3]
-            np.testing.assert_allclose([apart[each] for each in found], nearest, atol=0.02)
-            lacking = nearest_of_parts(lake, {}, parts, asked, 3, without, pool)
-            assert lacking == parts
 
 
 def test_answers_are_those_of_every_window(coded_lake: Path, built_lake: Path) -> None:

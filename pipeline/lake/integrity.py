@@ -27,6 +27,7 @@ from motionlake.lake.layout import Lake
 FILE_ROWS: Final = pa.schema(
     {"file": pa.string(), "size": pa.int64(), "mtime_ns": pa.int64(), "crc32": pa.uint32(), "sha256": pa.string()}
 )
+OTHER_BYTES: Final = "holds other bytes than were written"
 _BLOCK: Final = 1 << 17  # bytes read at a time
 _TOGETHER: Final = 1 << 26  # bytes from which on several threads compare them sooner than one
 WHOLE: Final = 1 << 30  # bytes of a folder up to which all of them are compared before SQL reads it: a quarter second
@@ -149,7 +150,7 @@ def _fault_at(path: Path, wanted: FileSums) -> str | None:
     except FileNotFoundError:
         return "is missing"
     if crc != wanted.crc32:
-        return "holds other bytes than were written"
+        return OTHER_BYTES
     _checked[path] = identity
     return None
 
@@ -163,7 +164,7 @@ def deep_fault(lake: Lake, wanted: FileSums) -> str | None:
     bring(lake, [wanted])
     wrong = stat_fault(lake, wanted)
     if wrong is None and sums_of(lake, wanted.file).sha256 != wanted.sha256:
-        return "holds other bytes than were written"
+        return OTHER_BYTES
     return wrong
 
 
@@ -233,6 +234,19 @@ def sound_files(lake: Lake, files: Iterable[str]) -> list[Path]:
         if wrong is not None:
             raise DamagedError(damage(lake, name, wrong))
     return paths
+
+
+def sized_files(lake: Lake, files: Iterable[str]) -> list[Path]:
+    """The paths of files that hold checksums of their own; of these the sizes alone are compared.
+
+    Raises:
+        DamagedError: for the first that has another size, or is missing or not listed.
+    """
+    names = list(files)
+    for name in names:
+        if (wrong := size_fault(lake, name)) is not None:
+            raise DamagedError(damage(lake, name, wrong))
+    return lake.paths(names)
 
 
 def sound_folder(lake: Lake, folder: str) -> list[Path]:

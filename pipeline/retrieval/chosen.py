@@ -45,7 +45,7 @@ class ChosenSearcher(LakeSearcher):
         """
         expect_many()
         if self.name == "moves":
-            self._cascade.files.check_moves()
+            self._cascade.files.moves.check_all()
 
     def nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
         return [self._cascade.by(self.name, query, k, scope, mirrored=mirrored) for query in queries]

@@ -32,10 +32,9 @@ from motionlake.motion.skeleton import mirrored_positions, mirrored_rotations
 from motionlake.retrieval.protocol import Query
 from motionlake.stages.frames import first_body
 from motionlake.stages.motif_model import MOTIF_MODEL, read_motifs
-from motionlake.stages.part_clips import of_clips
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.word_network import WORD_NETWORK
-from motionlake.stages.words import WORDS, read_some_features
+from motionlake.stages.words import WORDS, features_of
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
@@ -118,7 +117,7 @@ def features_of_clips(
     if parts is None:
         parts = {row["clip"]: row["part"] for row in fetch(con, "parts_of", {"clips": list(clips)})}
     files = WORDS.files_of(lake, parts.values(), (config,))
-    found = of_clips(lake, files, parts, read_some_features)
+    found = features_of(lake, files, parts)
     for clip in clips:
         if clip not in found:
             raise UserError(f"{clip}: has no words yet; make them with `motionlake run all`")

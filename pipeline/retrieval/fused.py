@@ -88,7 +88,7 @@ class FusedSearcher(LakeSearcher):
         """
         expect_many()
         if self._cascade is not None:
-            self._cascade.files.check_moves()
+            self._cascade.files.moves.check_all()
 
     def beside_others(self, query: Query, scope: Scope) -> bool:
         """Whether this search may run in several threads at once: it computes nothing that others would wait for."""

@@ -118,7 +118,7 @@ class Cascade:
         value, asked = self._value(method, query, mirrored=mirrored), asked_frames(self.lake, query)
         rows = np.array([self._clips.row(hit.clip) for hit in hits], dtype=np.int64)
         known = rows[self.files.numbers("frames")[rows] > 0]
-        pairs = zip(map(self._clips.facts, known.tolist()), self.files.moves(known), strict=True)
+        pairs = zip(map(self._clips.facts, known.tolist()), self.files.moves.of(known), strict=True)
         return {clip.clip: matched_moves(value, moves.astype(np.float32), asked, clip.frames) for clip, moves in pairs}
 
     def _value(self, method: Method, query: Query, *, mirrored: bool) -> Value:

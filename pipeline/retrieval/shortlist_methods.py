@@ -214,7 +214,7 @@ class ByMoves(Method):
     def of_row(self, row: int) -> Value:
         if self.files.numbers("frames")[row] == 0:
             raise self.files.lacks(row, "moves")
-        return self.files.moves(np.array([row]))[0].astype(np.float32)
+        return self.files.moves.of(np.array([row]))[0].astype(np.float32)
 
     def of_query(self, query: Query, *, mirrored: bool) -> Value:
         from motionlake.retrieval.moves import track_of
@@ -237,10 +237,10 @@ class ByMoves(Method):
     def among(self, value: Value, rows: Int64Array, k: int, most: int) -> Answers:
         known = rows[self.files.numbers("frames")[rows] > 0]
         if len(known) > most:
-            stack = Stack.of_halves(*self.files.moves_at(known, EVERY))
+            stack = Stack.of_halves(*self.files.moves.at(known, EVERY))
             apart = stack.spread(aligned(np.ascontiguousarray(value[::EVERY]), stack))
             known = np.sort(known[np.argpartition(apart, most - 1)[:most]])
-        frames, starts, counts = self.files.moves_at(known)
+        frames, starts, counts = self.files.moves.at(known)
         stack = Stack.of_halves(frames, starts, counts)
         distances = floored(stack.spread(aligned(value, stack)))
         order = np.lexsort((known, distances))[:k]

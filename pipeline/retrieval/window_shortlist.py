@@ -1,8 +1,7 @@
 """Which clips of a very large lake hold a piece: the shortlist's numbers of its windows choose some, compared exactly.
 
 Along some directions windows keep nearly all of how far they are apart; of the ten clips nearest by vectors, the 40
-nearest by these numbers hold nearly all (docs/scale.md). Codes, which few parts give, tell which of these 40 to compare
-by vectors.
+nearest by these numbers hold nearly all (docs/scale.md). The shortlist holds their vectors, too.
 """
 
 from __future__ import annotations
@@ -12,21 +11,22 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Final
 
 import numpy as np
+import pyarrow as pa
 from motionlake.arrays import Float32Array, Int64Array
+from motionlake.columns import column_of, texts
 from motionlake.kernels import njit
-from motionlake.lake.catalog import Connection, fetch, reading
+from motionlake.lake.catalog import Connection, reading
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.known_clips import KnownClips
 from motionlake.retrieval.lake_shortlist import LakeShortlist
 from motionlake.retrieval.protocol import Scope
-from motionlake.retrieval.window_codes import codes_of_files, nearest_of_parts
-from motionlake.retrieval.window_vectors import holding_among
+from motionlake.retrieval.window_vectors import nearest_among
+from motionlake.stages.mapped_part import lists_of
 from motionlake.stages.shortlist_files import CLIPS
-from motionlake.stages.shortlist_windows import WindowNumbers, kind_of
+from motionlake.stages.shortlist_windows import ROW, ShortlistWindows, kind_of
 from numpy.typing import NDArray
 
-SPARE: Final = 30  # clips that are compared by codes beyond those that are asked for
-EXACT: Final = 10  # clips that are compared by vectors beyond those
+SPARE: Final = 30  # clips that are compared beyond those that are asked for
 _THREADS: Final = 2
 
 
@@ -42,12 +42,9 @@ class WindowShortlist:
         UserError, DamagedError: as `LakeShortlist`.
     """
 
-    def __init__(self, lake: Lake, files: Sequence[str], windows: WindowNumbers) -> None:
+    def __init__(self, lake: Lake, files: Sequence[str], windows: ShortlistWindows) -> None:
         self.lake, self._windows = lake, windows
         self._clips = LakeShortlist(lake, [file for file in files if file.endswith(CLIPS)])
-        with reading(lake) as con:
-            rows = fetch(con, "window_files")
-        self._vectors, self._codes = {row["part"]: row["vectors"] for row in rows}, codes_of_files(rows)
         self._pool = ThreadPoolExecutor(_THREADS, "windows")
 
     @property
@@ -64,7 +61,7 @@ class WindowShortlist:
         """
         with reading(lake) as con:
             kind = kind_of(con)
-        windows = WindowNumbers.open(lake, files, kind)
+        windows = ShortlistWindows.open(lake, files, kind)
         return None if windows is None else WindowShortlist(lake, files, windows)
 
     def holding(
@@ -73,10 +70,20 @@ class WindowShortlist:
         """As `WindowScan.holding`, but for clips that are nearer than their numbers tell."""
         apart = self._apart(descriptor) - self._clips.admits(scope.clips)
         count = min(k + SPARE, int(np.isfinite(apart).sum()))
-        near = np.argpartition(apart, count - 1)[:count] if count else np.zeros(0, dtype=np.int64)
-        parts = self._clips.parts_of(near)
-        best = nearest_of_parts(self.lake, self._codes, parts, descriptor, k + EXACT, without, self._pool)
-        return holding_among(self.lake, con, self.known, self._vectors, descriptor, k, without, best)
+        near = np.sort(np.argpartition(apart, count - 1)[:count]) if count else np.zeros(0, dtype=np.int64)
+        return nearest_among(con, self.known, self._rows(near), descriptor, k, without)
+
+    def _rows(self, clips: Int64Array) -> pa.Table:
+        """The windows of some clips, by row, with vectors in single precision."""
+        held, names = self._windows.rows.of(clips), self._windows.clips["clip"]
+        windows = np.concatenate([np.zeros(0, dtype=ROW), *held])
+        named = [names[row].as_py() for row in clips.tolist()]
+        columns = [
+            texts([name for name, own in zip(named, held, strict=True) for _ in own]),
+            *(column_of(windows[bound].astype(np.int64)) for bound in ("start", "stop")),
+            lists_of(windows["vector"].astype(np.float32)),
+        ]
+        return pa.Table.from_arrays(columns, names=["clip", "start", "stop", "descriptor"])
 
     def _apart(self, descriptor: Float32Array) -> Float32Array:
         """[n] squared distance of the nearest window of each clip, by its numbers; infinite for a clip without."""
@@ -87,7 +94,7 @@ class WindowShortlist:
         cuts[-1] = len(found)
 
         def scan(share: int) -> None:
-            nearest_of_clips(windows.places, windows.starts, query, windows.steps, cuts[share], cuts[share + 1], found)
+            nearest_of_clips(windows.numbers, windows.starts, query, windows.steps, cuts[share], cuts[share + 1], found)
 
         list(self._pool.map(scan, range(_THREADS)))
         return found

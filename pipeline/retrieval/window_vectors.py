@@ -47,10 +47,15 @@ def holding_among(
             held.setdefault(files[part], set()).add(clip)
     with ThreadPoolExecutor(THREADS) as pool:
         windows = list(pool.map(_windows, sound_files(lake, held), held.values()))
-    if not windows:
-        return []
+    return nearest_among(con, known, pa.concat_tables(windows), descriptor, k, without) if windows else []
+
+
+def nearest_among(
+    con: Connection, known: KnownClips, windows: pa.Table, descriptor: Float32Array, k: int, without: Mapping[str, Any]
+) -> list[dict[str, Any]]:
+    """The same of some windows: `clip`, `start`, `stop` and `descriptor` in single precision."""
     asked = {"descriptor": descriptor.tolist(), "k": k, **without}
-    found = {clip: distance for distance, clip in rows_of(con, "clips_holding_among", pa.concat_tables(windows), asked)}
+    found = {clip: distance for distance, clip in rows_of(con, "clips_holding_among", windows, asked)}
     return [{"distance": found[facts.clip], **asdict(facts)} for facts in known.facts_of(known.entries(found))]
 
 

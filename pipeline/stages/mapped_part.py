@@ -1,19 +1,24 @@
 """Parts that a search maps into memory: Arrow files of one batch, of which a few clips are read without all others.
 
-To open one takes much less time than a Parquet part, and some search opens sixty for each query.
+To open one takes much less time than a Parquet part, and some search opens sixty for each query. What it reads of each
+is little, so the rows of each clip have a checksum of their own beside that of the whole file.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Container, Iterator, Mapping
+import zlib
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
 from motionlake.columns import column_of, numbers
+from motionlake.errors import DamagedError
+from motionlake.lake.integrity import OTHER_BYTES, damage, sized_files, sound
 from motionlake.lake.layout import Lake
 from motionlake.lake.merging import Order
 from motionlake.lake.parts import replacing
@@ -21,6 +26,8 @@ from motionlake.stages.stage import PartStage, Shard, ShardResult
 from numpy.typing import NDArray
 
 CLIP: Final = pa.field("clip", pa.dictionary(pa.int32(), pa.string()))  # the first column
+SUMS: Final = "sums"  # of its metadata: in hexadecimal, those of `MappedPart.sum_of`, four bytes a clip, in order
+KEPT: Final = np.dtype("<u4")
 
 
 class MappedStage(PartStage):
@@ -60,13 +67,36 @@ class MappedPart:
 
     @staticmethod
     def open(path: Path) -> MappedPart:
-        table = pa.ipc.open_file(pa.memory_map(str(path))).read_all()
+        return MappedPart.of_table(pa.ipc.open_file(pa.memory_map(str(path))).read_all())
+
+    @staticmethod
+    def of_table(table: pa.Table) -> MappedPart:
+        """Of rows in one batch."""
         return MappedPart(table, _runs(table["clip"].chunk(0)) if table.num_rows else {})
 
     def of(self, clip: str) -> pa.Table:
         """The rows of a clip."""
         run = self.runs[clip]
         return self.table.slice(run.start, run.stop - run.start)
+
+    def sum_of(self, clip: str) -> int:
+        """The CRC-32 of the name of a clip and its rows, one column after another."""
+        run, found = self.runs[clip], zlib.crc32(clip.encode())
+        for rows in self._numbers:
+            found = zlib.crc32(rows[run].view(np.uint8).data, found)
+        return found
+
+    @cached_property
+    def sums(self) -> Mapping[str, int] | None:
+        """Of each clip what `sum_of` gave when the part was written; None in parts of earlier versions."""
+        said = (self.table.schema.metadata or {}).get(SUMS.encode())
+        if said is None:
+            return None
+        return dict(zip(self.runs, np.frombuffer(bytes.fromhex(said.decode()), KEPT).tolist(), strict=True))
+
+    @cached_property
+    def _numbers(self) -> list[NDArray[Any]]:
+        return [self.column(name) for name in self.table.column_names[1:]]
 
     def column(self, name: str) -> NDArray[Any]:
         """[n] or [n, d] a column of numbers, or of lists of d of them, read-only as it lies in the file."""
@@ -84,7 +114,10 @@ class MappedPart:
 def write_mapped(path: Path, table: pa.Table, key: str) -> int:
     """Write a part, all of it as one batch; returns its bytes."""
     clips = table["clip"].cast(pa.string()).combine_chunks().dictionary_encode()  # of these rows alone
-    whole = table.set_column(0, CLIP, clips).combine_chunks().replace_schema_metadata({"key": key})
+    whole = table.set_column(0, CLIP, clips).combine_chunks()
+    part = MappedPart.of_table(whole)
+    sums = np.array([part.sum_of(clip) for clip in part.runs], dtype=KEPT)
+    whole = whole.replace_schema_metadata({"key": key, SUMS: sums.tobytes().hex()})
     with replacing(path) as temporary, pa.ipc.new_file(str(temporary), whole.schema) as writer:
         writer.write_table(whole)
     return path.stat().st_size
@@ -95,14 +128,40 @@ def lists_of(matrix: NDArray[Any]) -> pa.Array:
     return pa.FixedSizeListArray.from_arrays(column_of(matrix.ravel()), matrix.shape[1])
 
 
-def read_rows(path: Path, name: str, clips: Container[str] | None = None) -> Iterator[tuple[str, NDArray[Any]]]:
-    """(clip, [n] or [n, d]) a column of every clip of a part, or of some clips, in order.
-
-    Copied: who holds those of many parts need not keep these mapped.
-    """
+def read_rows(path: Path, name: str) -> Iterator[tuple[str, NDArray[Any]]]:
+    """(clip, [n] or [n, d]) a column of every clip of a part, in order; copied, as `rows_of_clips` does."""
     part = MappedPart.open(path)
     rows = part.column(name)
-    yield from ((clip, rows[run].copy()) for clip, run in part.runs.items() if clips is None or clip in clips)
+    yield from ((clip, rows[run].copy()) for clip, run in part.runs.items())
+
+
+def rows_of_clips(lake: Lake, wanted: Mapping[str, Collection[str]], name: str) -> dict[str, NDArray[Any]]:
+    """By clip, [n] or [n, d] a column of some clips of parts, given clips by file; without those that a file lacks.
+
+    Of each file the rows of these clips alone are compared with what was written, and copied: who holds those of many
+    parts need not keep these mapped.
+
+    Raises:
+        DamagedError: the rows of a clip are not as they were written, or a file has another size.
+    """
+    found = {}
+    # One after another: so little is read of each that threads would wait for one another.
+    for (file, clips), path in zip(wanted.items(), sized_files(lake, wanted), strict=True):
+        try:
+            part = MappedPart.open(path)
+            part.table.validate()
+            rows, sums = part.column(name), part.sums
+            held = [clip for clip in clips if clip in part.runs]
+            wrong = any(part.sum_of(clip) != sums[clip] for clip in held) if sums is not None else False
+        except Exception:  # a damaged schema fails in many ways
+            sound(lake, file)  # says so
+            raise
+        if wrong:
+            raise DamagedError(damage(lake, file, OTHER_BYTES))
+        if sums is None or len(held) < len(clips):  # a damaged name is that of no clip
+            sound(lake, file)
+        found.update({clip: rows[part.runs[clip]].copy() for clip in held})
+    return found
 
 
 def _spelled(rows: pa.Table) -> pa.Table:
@@ -113,5 +172,6 @@ def _runs(clips: pa.DictionaryArray) -> dict[str, slice]:
     """The rows of each clip, of rows clip by clip."""
     codes = numbers(clips.indices)
     starts = np.flatnonzero(np.diff(codes, prepend=-1)).tolist()
+    clips.dictionary.validate(full=True)  # damaged offsets would be followed
     names = clips.dictionary.to_pylist()
     return {names[codes[a]]: slice(a, b) for a, b in zip(starts, [*starts[1:], len(codes)], strict=True)}

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -18,8 +17,8 @@ from motionlake.lake.layout import Lake
 from motionlake.motion.moves import Track, at_12
 from motionlake.motion.moves_of_clips import moves_of_clips
 from motionlake.stages.descriptor_network import sequence_of
-from motionlake.stages.mapped_part import MappedStage, lists_of, read_rows
-from motionlake.stages.part_clips import clips_of_shard, of_clips
+from motionlake.stages.mapped_part import MappedStage, lists_of, read_rows, rows_of_clips
+from motionlake.stages.part_clips import by_file, clips_of_shard
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.stage import Part, Shard, clips_of
 
@@ -99,7 +98,7 @@ def read_tracks(lake: Lake, parts: Mapping[str, str]) -> Tracks:
     """
     made = remembered(lake, "moves made", _made)
     files = {part: file for part, file in MOVES.files_of(lake, parts.values(), ()).items() if file in made}
-    return Tracks(of_clips(lake, files, parts, _some_joints))
+    return Tracks(rows_of_clips(lake, by_file(lake, files, parts), JOINTS))
 
 
 def joints_in(lake: Lake, file: str) -> Iterator[tuple[str, Float32Array]]:
@@ -115,7 +114,3 @@ def tracks_in(lake: Lake, file: str) -> Iterator[tuple[str, Track]]:
 
 def _made(con: Connection) -> set[str]:
     return {MOVES.file(row["key"]) for row in fetch(con, "done_keys", {"stage": MOVES.name})}
-
-
-def _some_joints(path: Path, clips: Container[str]) -> dict[str, Float32Array]:
-    return dict(read_rows(path, JOINTS, clips))

@@ -53,14 +53,19 @@ def of_clips(
     Raises:
         DamagedError: a file is not as it was written.
     """
+    wanted = by_file(lake, files, clips)
+    # One after another: so little is read of each that threads would wait for one another.
+    parts = map(read, sound_files(lake, wanted), wanted.values())
+    return {clip: made for part in parts for clip, made in part.items()}
+
+
+def by_file(lake: Lake, files: Mapping[str, str], clips: Mapping[str, str]) -> dict[str, set[str]]:
+    """The same clips by file, in the order of the names of files."""
     wanted: dict[str, set[str]] = {}
     for clip, part in clips.items():
         if part in files and is_listed(lake, files[part]):
             wanted.setdefault(files[part], set()).add(clip)
-    names = sorted(wanted)
-    paths, clips_of = sound_files(lake, names), [wanted[name] for name in names]
-    # One after another: so little is read of each that threads would wait for one another.
-    return {clip: made for part in map(read, paths, clips_of) for clip, made in part.items()}
+    return dict(sorted(wanted.items()))
 
 
 def stored_clips(lake: Lake, shard: Shard, *, rotations: bool = True) -> Iterator[frames.Frames]:

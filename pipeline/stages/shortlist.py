@@ -44,12 +44,12 @@ from motionlake.stages.shortlist_files import (
     write_directions,
 )
 from motionlake.stages.shortlist_moves import all_moves, more_moves, moves_of_parts
-from motionlake.stages.shortlist_windows import codes_of_parts, windows_of_clips, windows_to_read
+from motionlake.stages.shortlist_windows import vectors_of_parts, windows_of_clips, windows_to_read
 from motionlake.stages.stage import PartStage, Shard, ShardResult, ShardStage, live_parts
-from motionlake.stages.windows import WINDOWS
+from motionlake.stages.submotions import SUBMOTIONS
 
 COMPARED: Final[Mapping[str, PartStage]] = {method: SOURCES[method] for method in WIDTHS}
-KEPT: Final[Mapping[str, PartStage]] = {**COMPARED, "windows": WINDOWS}
+KEPT: Final[Mapping[str, PartStage]] = {**COMPARED, "windows": SUBMOTIONS}
 BLOCK: Final = 4096  # clips whose sketches are made at a time
 LAYOUT: Final = 3  # of moves: those of another are read anew
 WORDS: Final = 16_384  # clips the motifs of whose words are read at a time
@@ -59,10 +59,10 @@ class Shortlist(ShardStage):
     """One shard for the whole lake."""
 
     name = "shortlist"
-    version = 7  # with windows
+    version = 8  # with the vectors of windows
     about = "short vectors by which the search of a large lake chooses the clips that it compares"
     reads_catalog = True
-    upstream = (*(stage.name for stage in COMPARED.values()), WINDOWS.name)
+    upstream = (*(stage.name for stage in COMPARED.values()), SUBMOTIONS.name)
     folders = (FOLDER,)
 
     def due(self, at: LakeReader) -> int:
@@ -93,7 +93,7 @@ class Shortlist(ShardStage):
             return None
         (clips,) = fetch(at.con, "digest_of_clips")
         key = config_hash(self.name, self.version, KIND, made, clips["digest"])
-        read = {"moves": list(moves_of_parts(at).values()), "windows": codes_of_parts(at)}
+        read = {"moves": list(moves_of_parts(at).values()), "windows": vectors_of_parts(at)}
         # Named by its datasets: it serves on where a part of them leaves the lake.
         datasets = "+".join(sorted({part.dataset for part in live}))
         return Shard(self.name, key, datasets, datasets, {"methods": methods, **read}, clips["clips"])
@@ -126,7 +126,7 @@ class Shortlist(ShardStage):
             made = []
             for method in shard.spec["methods"]:
                 if method == "windows":
-                    made.append(windows_of_clips(at, shard, places, clips))
+                    made.append(windows_of_clips(at, shard, clips))
                 elif method != "moves":
                     made.append(MAKE[method](at, shard, places))
                 elif before is None:

@@ -1,7 +1,6 @@
 """The moves in a shortlist as it was: of clips that stay they are taken over, and those of others are read.
 
-They are most of what is read and written for a shortlist. The frames of clips that come make a piece of their own, into
-which small pieces before it go, so that many small additions leave few pieces.
+They are much of what is read and written for a shortlist.
 """
 
 from __future__ import annotations
@@ -15,14 +14,12 @@ from typing import Any, Final
 import numpy as np
 import pyarrow as pa
 from motionlake.arrays import Int64Array
-from motionlake.columns import numbers
 from motionlake.lake.layout import Lake
 from motionlake.motion.moves import KIND
-from motionlake.stages.shortlist_files import pieces_in, read_clips, said_of
+from motionlake.stages.shortlist_files import MOVE_PIECES, read_clips, said_of
+from motionlake.stages.shortlist_pieces import RowPlaces, serving
 
 GROWN: Final = 1.5  # times as many clips as directions were fitted to; of more they are fitted anew
-SERVING: Final = 2 / 3  # share of the frames of all pieces that clips of today must have
-AS_SMALL: Final = 2.0  # times as many clips as are written: a last piece of no more is written anew with them
 FITTED: Final = "fitted"  # names in what a table of clips says of itself
 READ: Final = "read"
 FRAMES: Final = "pieces"
@@ -72,16 +69,11 @@ class Before:
             (rows[pair], row) for row, pair in enumerate(_pairs(clips)) if pair in rows and moves.get(pair[1]) in known
         ]
         old, new = np.array(staying, dtype=np.int64).reshape(-1, 2).T
-        frames = numbers(table["frames"])[old]
         written = json.loads(said[FRAMES])
-        if not written or frames.sum() < SERVING * sum(written):
+        kept = serving(written, RowPlaces.of(table, MOVE_PIECES), old, len(clips) - len(staying))
+        if not kept:
             return None
-        own = np.bincount(numbers(table["piece"])[old][frames > 0], minlength=len(written))
-        kept, more = len(written), len(clips) - len(staying)
-        while kept > 1 and own[kept - 1] <= AS_SMALL * more:
-            kept -= 1
-            more += int(own[kept])
-        pieces = pieces_in(files)[:kept]
+        pieces = MOVE_PIECES.among(files)[:kept]
         rest = [file for file in files if file not in pieces]
         return Before(rest, dict(zip(pieces, written, strict=False)), old, new, int(said[FITTED]))
 

@@ -1,42 +1,37 @@
 """The files of the shortlist of a large lake: arrays that are mapped into memory; a search reads of them what it needs.
 
-All but the frames of moves are compared with what was written before they are read. The frames are many times as
-large, and a search reads those of some hundred clips: each clip has a checksum of its own. They lie in several pieces,
-so that those of clips that come need not be written together with all others.
+All but pieces (`motionlake.stages.shortlist_pieces`) are compared with what was written before they are read.
 """
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cached_property
-from mmap import ACCESS_READ, MADV_WILLNEED, PAGESIZE, mmap
 from pathlib import Path
-from typing import Any, BinaryIO, Final
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
 from motionlake.arrays import Float32Array, Float64Array, Int64Array
 from motionlake.columns import numbers
-from motionlake.errors import DamagedError, UserError
-from motionlake.lake.integrity import FileSums, damage, size_fault, sound_files
+from motionlake.errors import UserError
+from motionlake.lake.integrity import FileSums, sound_files
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import replacing
 from motionlake.motion.sketches import Directions, instants
+from motionlake.stages.shortlist_pieces import Kind, Pieces, RowPlaces
 from numpy.typing import NDArray
 
 MOST: Final = 20_000  # clips of a lake up to which a search compares all of them
 FOLDER: Final = "shortlist"
 CLIPS: Final = "clips.arrow"
-FRAMES: Final = ".f16"  # how the names of pieces end
+MOVE_PIECES: Final = Kind("moves", ".f16", ("piece", "start", "frames", "crc32"))
 HALF: Final = np.dtype("<f2")
 INSTANTS: Final = 12  # of the moves of a clip, for its sketch and for its outline
 CODES: Final = 16  # of its postures
 WIDTHS: Final[Mapping[str, int]] = {"signature": 32, "alignment": 64, "moves": 64}  # of sketches, by method
 SAMPLE: Final = 2048  # clips that directions are fitted to
-CHECKED: Final = 1000  # clips whose moves are compared at a time
 
 
 def file_of(key: str, name: str) -> str:
@@ -44,19 +39,9 @@ def file_of(key: str, name: str) -> str:
     return f"{FOLDER}/{key[:16]}-{name}"
 
 
-def piece_of(key: str, number: int) -> str:
-    """A piece of the frames of moves, from 0."""
-    return file_of(key, f"moves-{number}{FRAMES}" if number else f"moves{FRAMES}")
-
-
 def is_of_windows(file: str) -> bool:
     """Whether a search of pieces alone reads it (`motionlake.stages.shortlist_windows`)."""
     return _name(file).startswith("windows")
-
-
-def pieces_in(files: Sequence[str]) -> list[str]:
-    """Those of a shortlist's files that are pieces of the frames of moves, by number."""
-    return sorted((file for file in files if file.endswith(FRAMES)), key=lambda file: (len(_name(file)), _name(file)))
 
 
 def string_sketch(symbols: Sequence[int] | NDArray[np.int32], codes: Float64Array) -> Float32Array:
@@ -133,57 +118,6 @@ def write_clips(lake: Lake, file: str, table: pa.Table) -> str:
 
 
 @dataclass(frozen=True)
-class FramesColumns:
-    """Where the frames of the moves of n clips lie: of which piece, from which frame, how many, and their checksum."""
-
-    piece: NDArray[np.int32]
-    start: NDArray[np.int64]
-    frames: NDArray[np.int32]
-    crc32: NDArray[np.uint32]
-
-    @staticmethod
-    def empty(clips: int) -> FramesColumns:
-        piece, frames = np.zeros(clips, dtype=np.int32), np.zeros(clips, dtype=np.int32)
-        return FramesColumns(piece, np.zeros(clips, dtype=np.int64), frames, np.zeros(clips, dtype=np.uint32))
-
-    def columns(self) -> dict[str, NDArray[Any]]:
-        """Of the table of clips."""
-        return {each.name: getattr(self, each.name) for each in fields(self)}
-
-
-class FramesWriter:
-    """Writes a piece of frames, those of one clip after another, in half precision.
-
-    Args:
-        lake: to write to.
-        file: relative to it.
-        number: of the piece.
-        places: told where the frames of a clip lie.
-    """
-
-    def __init__(self, lake: Lake, file: str, number: int, places: FramesColumns) -> None:
-        self._path, self.file = lake.path(file), file
-        self._number, self._places, self.written = number, places, 0
-        self._stack = ExitStack()
-
-    def __enter__(self) -> FramesWriter:
-        temporary = self._stack.enter_context(replacing(self._path))
-        self._handle: BinaryIO = self._stack.enter_context(temporary.open("wb"))
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._stack.__exit__(*error)  # type: ignore[arg-type]
-
-    def add(self, row: int, frames: NDArray[np.float16]) -> None:
-        """The frames [m, D] of the clip of a row."""
-        data, places = frames.tobytes(), self._places
-        self._handle.write(data)
-        places.piece[row], places.start[row], places.frames[row] = self._number, self.written, len(frames)
-        places.crc32[row] = zlib.crc32(data)
-        self.written += len(frames)
-
-
-@dataclass(frozen=True)
 class ShortlistFiles:
     """What the stage has made of n clips.
 
@@ -192,7 +126,7 @@ class ShortlistFiles:
         table: [n] clip, part, and what each method keeps in lists.
         models: what signatures and strings are made over, by method.
         arrays: by name.
-        pieces: files of the frames of moves.
+        pieces: files of the moves of clips.
     """
 
     lake: Lake
@@ -204,7 +138,7 @@ class ShortlistFiles:
     @staticmethod
     def open(lake: Lake, files: Sequence[str]) -> ShortlistFiles:
         """Raises `DamagedError` where a file is not as it was written."""
-        whole = [file for file in files if not (file.endswith(FRAMES) or is_of_windows(file))]
+        whole = [file for file in files if not (file.endswith(MOVE_PIECES.suffix) or is_of_windows(file))]
         paths = dict(zip(whole, sound_files(lake, whole), strict=True))
         arrays = {_name(file): np.load(path, mmap_mode="r", allow_pickle=False)
                   for file, path in paths.items() if file.endswith(".npy")}  # fmt: skip
@@ -212,7 +146,7 @@ class ShortlistFiles:
         table = pa.ipc.open_file(pa.memory_map(str(clips))).read_all()
         said = said_of(table)
         models = {method: said[method] for method in WIDTHS if method in said}
-        return ShortlistFiles(lake, table, models, arrays, pieces_in(files))
+        return ShortlistFiles(lake, table, models, arrays, MOVE_PIECES.among(files))
 
     @property
     def methods(self) -> tuple[str, ...]:
@@ -253,96 +187,11 @@ class ShortlistFiles:
         """The error for a clip of which a method has nothing."""
         return UserError(f"{self.table['clip'][row].as_py()}: has no {what} yet; make it with `motionlake run all`")
 
-    def moves(self, rows: Int64Array) -> list[NDArray[np.float16]]:
-        """The moves [m, D] of the clips of some rows, which have some. Raises `DamagedError` as `moves_at` does."""
-        frames, starts, counts = self.moves_at(rows)
-        return [frames[start : start + count] for start, count in zip(starts.tolist(), counts.tolist(), strict=True)]
-
-    def moves_at(self, rows: Int64Array, every: int = 1) -> tuple[NDArray[np.float16], Int64Array, Int64Array]:
-        """Moves [N, D], and where in them those of some rows lie: from which frame, how many.
-
-        Args:
-            rows: of the clips.
-            every: take one of so many frames of each, the first one first.
-
-        Raises:
-            DamagedError: those of these rows are not as they were written.
-        """
-        starts, counts = (self.numbers(name)[rows] for name in ("start", "frames"))
-        pieces = self._piece[rows]
-        new = np.flatnonzero(~self._sound[rows])
-        wanted = self.numbers("crc32")[rows[new]]
-        numbers = (pieces[new], starts[new], counts[new], wanted)
-        self._expect(*numbers[:3])
-        for piece, start, count, sum_ in zip(*(each.tolist() for each in numbers), strict=True):
-            if zlib.crc32(self._frames(piece)[start : start + count].data) != sum_:
-                raise DamagedError(damage(self.lake, self.pieces[piece], "holds other bytes than were written"))
-        self._sound[rows] = True
-        counts = counts.astype(np.int64)
-        if every == 1 and len(set(pieces.tolist())) <= 1:
-            return self._frames(int(pieces[0]) if len(pieces) else 0), starts, counts
-        taken = -(-counts // every)
-        begins = np.cumsum(taken) - taken
-        steps = np.repeat(starts - every * begins, taken) + every * np.arange(taken.sum())
-        owners = np.repeat(pieces, taken)
-        found = np.empty((len(steps), self._width), dtype=HALF)
-        for piece in sorted(set(pieces.tolist())):
-            own = owners == piece
-            found[own] = self._frames(piece)[steps[own]]
-        return found, begins, taken
-
-    def check_moves(self) -> None:
-        """Compare the moves of all clips with what was written, which maps them into memory: searches find that done.
-
-        Raises:
-            DamagedError: as `moves_at`.
-        """
-        for first in range(0, len(self.table), CHECKED):
-            self.moves_at(np.arange(first, min(first + CHECKED, len(self.table))))
-
     @cached_property
-    def _sound(self) -> NDArray[np.bool_]:
-        """[n] clips whose moves were compared with what was written."""
-        return np.zeros(len(self.table), dtype=np.bool_)
-
-    @cached_property
-    def _piece(self) -> NDArray[Any]:
-        """[n] the piece that holds the moves of a clip; earlier versions wrote one alone."""
-        there = "piece" in self.table.column_names
-        return self.numbers("piece") if there else np.zeros(len(self.table), dtype=np.int32)
-
-    def _frames(self, piece: int) -> NDArray[np.float16]:
-        if piece not in self._mapped:
-            file = self.pieces[piece]
-            wrong = size_fault(self.lake, file)
-            if wrong is not None:
-                raise DamagedError(damage(self.lake, file, wrong))
-            with self.lake.path(file).open("rb") as handle:
-                self._maps[piece] = mmap(handle.fileno(), 0, access=ACCESS_READ)
-            self._mapped[piece] = np.frombuffer(self._maps[piece], HALF).reshape(-1, self._width)
-        return self._mapped[piece]
-
-    def _expect(self, pieces: Int64Array, starts: Int64Array, counts: Int64Array) -> None:
-        """Let the system read the frames of some clips from the disk all at once, not one after another."""
-        size = HALF.itemsize * self._width
-        for piece, start, count in zip(pieces.tolist(), starts.tolist(), counts.tolist(), strict=True):
-            if count:
-                self._frames(piece)
-                first = start * size // PAGESIZE * PAGESIZE
-                self._maps[piece].madvise(MADV_WILLNEED, first, (start + count) * size - first)
-
-    @cached_property
-    def _maps(self) -> dict[int, mmap]:
-        return {}
-
-    @property
-    def _width(self) -> int:
-        """D, numbers of a frame of moves."""
-        return int(self.arrays["outlines-directions"].shape[0])
-
-    @cached_property
-    def _mapped(self) -> dict[int, NDArray[np.float16]]:
-        return {}
+    def moves(self) -> Pieces:
+        """The moves of clips, a frame a row [D] in half precision."""
+        width = int(self.arrays["outlines-directions"].shape[0])
+        return Pieces(self.lake, self.pieces, RowPlaces.of(self.table, MOVE_PIECES), np.dtype((HALF, (width,))))
 
 
 def said_of(table: pa.Table) -> dict[str, str]:

@@ -7,7 +7,6 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float32Array, Int64Array
-from motionlake.columns import numbers
 from motionlake.lake.integrity import listed_in
 from motionlake.lake.layout import Lake
 from motionlake.motion.moves import WIDTH
@@ -18,18 +17,18 @@ from motionlake.stages.shortlist_before import Before, said_of_moves
 from motionlake.stages.shortlist_files import (
     HALF,
     INSTANTS,
+    MOVE_PIECES,
     SAMPLE,
     WIDTHS,
-    FramesColumns,
-    FramesWriter,
     Made,
     Places,
     ShortlistFiles,
+    file_of,
     no_sketches,
-    piece_of,
     write_array,
     write_directions,
 )
+from motionlake.stages.shortlist_pieces import PieceWriter, RowPlaces, pieces_left, written_anew
 from motionlake.stages.stage import Shard
 
 DIRECTIONS: Final = 24  # of frames of moves, in outlines
@@ -49,9 +48,9 @@ class _Moves:
         self._places, self._directions, self._frames = places, directions, frames
         self.sketches = no_sketches(len(places), directions)
         self.outlines = np.zeros((len(places), INSTANTS, frames.matrix.shape[1]), dtype=np.float16)
-        self.frames = FramesColumns.empty(len(places))
+        self.frames = RowPlaces.empty(len(places))
 
-    def add(self, lake: Lake, file: str, wanted: Container[str], writer: FramesWriter) -> None:
+    def add(self, lake: Lake, file: str, wanted: Container[str], writer: PieceWriter) -> None:
         """Those of a file of moves of the clips that are wanted."""
         from motionlake.motion.moves_of_clips import instants_of_clips
 
@@ -65,16 +64,14 @@ class _Moves:
         for row, start, stop in zip(rows.tolist(), starts[:-1].tolist(), starts[1:].tolist(), strict=True):
             writer.add(row, halves[start:stop])
 
-    def take_over(self, files: ShortlistFiles, before: Before, writer: FramesWriter) -> None:
+    def take_over(self, files: ShortlistFiles, before: Before, writer: PieceWriter) -> None:
         """Those of the clips that stay; what lies in pieces that do not go on serving is written."""
         self.sketches[before.new] = files.arrays["moves-sketches"][before.old]
         self.outlines[before.new] = files.arrays["moves-outlines"][before.old]
-        for name, column in self.frames.columns().items():
-            column[before.new] = numbers(files.table[name])[before.old]
-        moved = self.frames.frames[before.new] > 0
-        moved &= self.frames.piece[before.new] >= len(before.pieces)
+        self.frames.take(before.new, RowPlaces.of(files.table, MOVE_PIECES), before.old)
+        moved = written_anew(self.frames, before.new, len(before.pieces))
         olds, rows = before.old[moved], before.new[moved]
-        for row, halves in zip(rows.tolist(), files.moves(olds) if len(olds) else (), strict=True):
+        for row, halves in zip(rows.tolist(), files.moves.of(olds) if len(olds) else (), strict=True):
             writer.add(row, halves)
 
     def write(self, lake: Lake, key: str) -> list[str]:
@@ -92,11 +89,11 @@ def all_moves(at: LakeReader, shard: Shard, version: int, places: Places) -> Mad
     some = list(_some_moves(at.lake, files, places))
     directions = Directions.of(np.stack([instants(moves, INSTANTS).ravel() for moves in some]), WIDTHS["moves"])
     kept = _Moves(places, directions, Directions.of(np.concatenate(some), DIRECTIONS, centred=False))
-    with FramesWriter(at.lake, piece_of(shard.key, 0), 0, kept.frames) as writer:
+    with PieceWriter(at.lake, file_of(shard.key, MOVE_PIECES.file(0)), 0, kept.frames) as writer:
         for file in files:
             kept.add(at.lake, file, places, writer)
     said = said_of_moves(version, len(places), files, [writer.written])
-    return Made(kept.frames.columns(), [*kept.write(at.lake, shard.key), writer.file], said)
+    return Made(kept.frames.columns(MOVE_PIECES), [*kept.write(at.lake, shard.key), writer.file], said)
 
 
 def more_moves(at: LakeReader, shard: Shard, version: int, places: Places, before: Before) -> Made:
@@ -106,18 +103,14 @@ def more_moves(at: LakeReader, shard: Shard, version: int, places: Places, befor
     number = len(before.pieces)
     names = list(places)
     others = set(names) - {names[row] for row in before.new.tolist()}
-    with FramesWriter(at.lake, piece_of(shard.key, number), number, kept.frames) as writer:
+    with PieceWriter(at.lake, file_of(shard.key, MOVE_PIECES.file(number)), number, kept.frames) as writer:
         kept.take_over(files, before, writer)
         for file in shard.spec["moves"]:
             kept.add(at.lake, file, others, writer)
-    pieces = dict(before.pieces)
-    if writer.written:
-        pieces[writer.file] = writer.written
-    else:
-        at.lake.path(writer.file).unlink()
+    pieces = pieces_left(at.lake, before.pieces, writer)
     listed = listed_in(at.con)
     return Made(
-        kept.frames.columns(), [*kept.write(at.lake, shard.key), *pieces],
+        kept.frames.columns(MOVE_PIECES), [*kept.write(at.lake, shard.key), *pieces],
         said_of_moves(version, before.fitted, list(moves_of_parts(at).values()), list(pieces.values())),
         [listed[file] for file in before.pieces],
     )  # fmt: skip

@@ -1,7 +1,8 @@
 """The windows of a large lake in its shortlist: by some numbers of each, clips that may hold a piece are chosen.
 
 They are what is left of the vectors of windows along directions of the lake, all in one file, so that a search opens
-neither the vectors nor the codes of every part. Those of clips that stay as they were are taken over.
+none of the parts of windows. The vectors of the clips that it chooses lie in pieces. Those of clips that stay as they
+were are taken over.
 """
 
 from __future__ import annotations
@@ -9,75 +10,95 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import compress
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
 from motionlake.arrays import BoolArray, Float32Array, Int64Array
-from motionlake.columns import numbers
+from motionlake.columns import numbers, read_parquet
+from motionlake.deephums.config import DIMENSION
 from motionlake.lake.catalog import Connection
-from motionlake.lake.integrity import sound, sound_files
+from motionlake.lake.frames import runs_of
+from motionlake.lake.integrity import listed_in, sound, sound_files
 from motionlake.lake.layout import Lake
 from motionlake.motion.sketches import Directions
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.shortlist_before import GROWN
 from motionlake.stages.shortlist_files import (
     CLIPS,
+    HALF,
     Made,
-    Places,
+    file_of,
     is_of_windows,
     read_clips,
     said_of,
     write_array,
     write_directions,
 )
+from motionlake.stages.shortlist_pieces import (
+    Kind,
+    Pieces,
+    PieceWriter,
+    RowPlaces,
+    pieces_left,
+    serving,
+    written_anew,
+)
 from motionlake.stages.stage import Shard
 from motionlake.stages.submotions import SUBMOTIONS
-from motionlake.stages.windows import WINDOWS, WindowFile
 from numpy.typing import NDArray
 
 DIRECTIONS: Final = 128
 LARGEST: Final = 127
 SMALLEST: Final = 1e-3  # of the longest step, how long each is at least: few windows differ along few directions
 SPREAD: Final = 16  # parts whose windows directions are fitted to
+PIECES: Final = Kind("windows", ".rows", ("windows_piece", "windows_start", "windows", "windows_crc32"))
+ROW: Final = np.dtype([("start", "<i4"), ("stop", "<i4"), ("vector", HALF, (DIMENSION,))])
 KIND: Final = "windows"  # names in what a table of clips says of itself
 FITTED: Final = "windows fitted"
-LAYOUT: Final = 3
+WRITTEN: Final = "windows written"
+LAYOUT: Final = 4
 
 
 def kind_of(con: Connection) -> str | None:
     """What the windows of the lake are told by: those of another kind do not compare. None where there are none."""
     served = SUBMOTIONS.served(con)
-    return None if served is None else json.dumps([LAYOUT, served.model, SUBMOTIONS.version, WINDOWS.version])
+    return None if served is None else json.dumps([LAYOUT, served.model, SUBMOTIONS.version])
 
 
 @dataclass(frozen=True)
-class WindowNumbers:
-    """Of the windows of n clips, one clip after another, their places along the directions.
+class ShortlistWindows:
+    """The windows of n clips, one clip after another.
 
     Attributes:
-        places: [N, DIRECTIONS].
+        numbers: [N, DIRECTIONS] their places along the directions.
         starts: [n + 1] where those of each clip begin.
         directions: along which places are whole numbers of steps, from -127 to 127.
         steps: [DIRECTIONS] how long a step is; short where windows differ little, else rounding would hide near ones.
         clips: the table of the shortlist's clips.
+        rows: their bounds and vectors (`ROW`).
+        pieces: the files of these.
     """
 
-    places: NDArray[np.int8]
+    numbers: NDArray[np.int8]
     starts: Int64Array
     directions: Directions
     steps: Float32Array
     clips: pa.Table
+    rows: Pieces
+    pieces: Sequence[str]
 
     @staticmethod
-    def open(lake: Lake, files: Sequence[str], kind: str | None) -> WindowNumbers | None:
+    def open(lake: Lake, files: Sequence[str], kind: str | None) -> ShortlistWindows | None:
         """Those of a shortlist's files; None where it has none, or such of another kind.
 
         Raises:
             DamagedError: a file is not as it was written.
         """
-        own = [file for file in files if is_of_windows(file)]
+        pieces = PIECES.among(files)
+        own = [file for file in files if is_of_windows(file) and file not in pieces]
         if not own:
             return None
         clips = read_clips(lake, files)
@@ -85,7 +106,8 @@ class WindowNumbers:
             return None
         mean, matrix, steps, places = map(_array, sound_files(lake, sorted(own, key=_order)))
         starts = np.concatenate([[0], np.cumsum(numbers(clips[KIND]), dtype=np.int64)])
-        return WindowNumbers(places, starts, Directions(mean, matrix), steps, clips)
+        rows = Pieces(lake, pieces, RowPlaces.of(clips, PIECES), ROW)
+        return ShortlistWindows(places, starts, Directions(mean, matrix), steps, clips, rows, pieces)
 
 
 def _order(file: str) -> int:
@@ -97,69 +119,88 @@ def _array(path: Path) -> NDArray[Any]:
     return found
 
 
-def windows_to_read(at: LakeReader, there: Sequence[str], clips: pa.Table) -> dict[str, Any]:
-    """What a shard of a lake reads of [n] clip and part: of the shortlist with some files what serves on, and codes.
+@dataclass(frozen=True)
+class _Before:
+    """What of an earlier shortlist's windows serves on.
 
-    Directions are fitted anew where the lake has grown much since they were.
+    Attributes:
+        windows: all that it has.
+        old, new: [m] rows of the clips that stay, there and now.
+        pieces: that go on serving, and the rows of each.
     """
-    files, kind = codes_of_parts(at), kind_of(at.con)
+
+    windows: ShortlistWindows
+    old: Int64Array
+    new: Int64Array
+    pieces: Mapping[str, int]
+
+    @staticmethod
+    def of(lake: Lake, files: Sequence[str], kind: str | None, clips: pa.Table) -> _Before | None:
+        """None where all windows must be read: directions are fitted anew where the lake has grown much since."""
+        found = ShortlistWindows.open(lake, files, kind)
+        if found is None or len(clips) > GROWN * int(said_of(found.clips)[FITTED]):
+            return None
+        held = np.diff(found.starts)
+        known = {pair: row for row, pair in enumerate(zip(*_names(found.clips), strict=True)) if held[row]}
+        pairs = enumerate(zip(*_names(clips), strict=True))
+        old, new = np.array([(known[pair], row) for row, pair in pairs if pair in known]).reshape(-1, 2).T
+        written = json.loads(said_of(found.clips)[WRITTEN])
+        kept = serving(written, RowPlaces.of(found.clips, PIECES), old, len(clips) - len(old))
+        return _Before(found, old, new, dict(zip(found.pieces[:kept], written, strict=False))) if kept else None
+
+
+def windows_to_read(at: LakeReader, there: Sequence[str], clips: pa.Table) -> dict[str, Any]:
+    """What a shard of a lake reads of [n] clip and part: of the shortlist with some files what serves on, and parts."""
+    files = vectors_of_parts(at)
     own = [file for file in there if is_of_windows(file) or file.endswith(CLIPS)]
-    before = WindowNumbers.open(at.lake, own, kind)
-    if before is None or len(clips) > GROWN * int(said_of(before.clips)[FITTED]):
+    before = _Before.of(at.lake, own, kind_of(at.con), clips)
+    if before is None:
         return {"windows": files}
-    known = _pairs(before)
-    parts = dict.fromkeys(part for pair in zip(*_names(clips), strict=True) if pair not in known for part in pair[1:])
+    parts = dict.fromkeys(compress(clips["part"].to_pylist(), _others(before, len(clips))))
     return {"windows": {part: files[part] for part in parts if part in files}, "windows before": own}
 
 
-def codes_of_parts(at: LakeReader) -> dict[str, str]:
-    """The codes of every frames part of the lake as it stands."""
-    return {part.part: WINDOWS.file(part.key) for part in WINDOWS.made(at)}
+def vectors_of_parts(at: LakeReader) -> dict[str, str]:
+    """The vectors of the windows of every frames part of the lake as it stands."""
+    return {part.part: SUBMOTIONS.file(part.key) for part in SUBMOTIONS.made(at)}
 
 
-def windows_of_clips(at: LakeReader, shard: Shard, places: Places, clips: pa.Table) -> Made:
+def windows_of_clips(at: LakeReader, shard: Shard, clips: pa.Table) -> Made:
     """Those of all clips: of [n] clip and part. The shard says what is read, as `windows_to_read` does."""
     kind, read = kind_of(at.con), shard.spec["windows"]
-    before = WindowNumbers.open(at.lake, shard.spec.get("windows before", ()), kind)
-    every, others = np.zeros(len(places), dtype=np.int32), np.ones(len(places), dtype=np.bool_)
-    staying: list[tuple[int, slice]] = []
+    before = _Before.of(at.lake, shard.spec.get("windows before", ()), kind, clips)
     if before is None:
         (directions, steps), fitted = _fitted(at.lake, list(read.values())), len(clips)
     else:
-        directions, steps, fitted = before.directions, before.steps, int(said_of(before.clips)[FITTED])
-        staying = _staying(before, clips)
-    for row, run in staying:
-        every[row], others[row] = run.stop - run.start, False
-    wanted = _wanted(read, clips, others)
-    for file, rows in wanted.items():
-        for row, run in _runs(WindowFile.open(sound(at.lake, file)), rows):
-            every[row] = run.stop - run.start
-    starts = np.concatenate([[0], np.cumsum(every, dtype=np.int64)])
+        there = before.windows
+        directions, steps, fitted = there.directions, there.steps, int(said_of(there.clips)[FITTED])
+    wanted = _wanted(read, clips, _others(before, len(clips)))
+    places, starts = RowPlaces.empty(len(clips)), _starts(at.lake, wanted, before, len(clips))
     kept = np.empty((starts[-1], DIRECTIONS), dtype=np.int8)  # filled in place: of a large lake it has 400 MB
-    for row, run in staying:
-        assert before is not None
-        kept[starts[row] : starts[row + 1]] = before.places[run]
-    for file, rows in wanted.items():
-        _read(WindowFile.open(sound(at.lake, file)), rows, directions, starts, kept)
-    written = [
+    serve = {} if before is None else before.pieces
+    number = len(serve)
+    with PieceWriter(at.lake, file_of(shard.key, PIECES.file(number)), number, places) as writer:
+        if before is not None:
+            _take_over(before, starts, kept, places, writer)
+        for file, rows in wanted.items():
+            _read(sound(at.lake, file), rows, directions, starts, kept, writer)
+    pieces, listed = pieces_left(at.lake, serve, writer), listed_in(at.con) if serve else {}
+    files = [
         *write_directions(at.lake, shard.key, KIND, directions),
         write_array(at.lake, shard.key, f"{KIND}-steps", steps),
         write_array(at.lake, shard.key, KIND, kept),
+        *pieces,
     ]
-    return Made({KIND: pa.array(every)}, written, {KIND: str(kind), FITTED: str(fitted)})
+    said = {KIND: str(kind), FITTED: str(fitted), WRITTEN: json.dumps(list(pieces.values()))}
+    return Made(places.columns(PIECES), files, said, [listed[file] for file in serve])
 
 
-def _pairs(before: WindowNumbers) -> dict[tuple[str, str], int]:
-    """The rows of clips with windows, by clip and part."""
-    counts = np.diff(before.starts)
-    return {pair: row for row, pair in enumerate(zip(*_names(before.clips), strict=True)) if counts[row]}
-
-
-def _staying(before: WindowNumbers, clips: pa.Table) -> list[tuple[int, slice]]:
-    """(row, its windows there) of the clips that an earlier shortlist holds as they are."""
-    known = _pairs(before)
-    pairs = ((row, known.get(pair)) for row, pair in enumerate(zip(*_names(clips), strict=True)))
-    return [(row, slice(*before.starts[old : old + 2].tolist())) for row, old in pairs if old is not None]
+def _others(before: _Before | None, clips: int) -> BoolArray:
+    """[n] which clips are to be read."""
+    found = np.ones(clips, dtype=np.bool_)
+    if before is not None:
+        found[before.new] = False
+    return found
 
 
 def _wanted(files: Mapping[str, str], clips: pa.Table, others: BoolArray) -> dict[str, dict[str, int]]:
@@ -175,31 +216,63 @@ def _names(table: pa.Table) -> tuple[list[str], list[str]]:
     return table["clip"].to_pylist(), table["part"].to_pylist()
 
 
-def _runs(held: WindowFile, rows: Mapping[str, int]) -> Iterator[tuple[int, slice]]:
+def _starts(lake: Lake, wanted: Mapping[str, Mapping[str, int]], before: _Before | None, clips: int) -> Int64Array:
+    """[n + 1] where the windows of each clip begin."""
+    every = np.zeros(clips, dtype=np.int64)
+    if before is not None:
+        every[before.new] = np.diff(before.windows.starts)[before.old]
+    for file, rows in wanted.items():
+        for row, run in _runs(read_parquet(sound(lake, file), ["clip"]), rows):
+            every[row] = run.stop - run.start
+    return np.concatenate([[0], np.cumsum(every)])
+
+
+def _runs(held: pa.Table, rows: Mapping[str, int]) -> Iterator[tuple[int, slice]]:
     """(row, its windows there) of some clips of a part."""
-    yield from ((rows[clip], run) for clip, run in held.runs.items() if clip in rows)
+    yield from ((rows[clip], run) for clip, run in runs_of(held["clip"]) if clip in rows)
+
+
+def _take_over(
+    before: _Before, starts: Int64Array, kept: NDArray[np.int8], places: RowPlaces, writer: PieceWriter
+) -> None:
+    """Those of the clips that stay; what lies in pieces that do not go on serving is written."""
+    found = before.windows
+    for old, new in zip(before.old.tolist(), before.new.tolist(), strict=True):
+        kept[starts[new] : starts[new + 1]] = found.numbers[found.starts[old] : found.starts[old + 1]]
+    places.take(before.new, RowPlaces.of(found.clips, PIECES), before.old)
+    moved = written_anew(places, before.new, len(before.pieces))
+    olds, rows = before.old[moved], before.new[moved]
+    for row, held in zip(rows.tolist(), found.rows.of(olds) if len(olds) else (), strict=True):
+        writer.add(row, held)
 
 
 def _read(
-    held: WindowFile, rows: Mapping[str, int], directions: Directions, starts: Int64Array, kept: NDArray[np.int8]
-) -> None:
-    """Write the numbers of the windows of some clips of a part where those of each begin."""
+    path: Path, rows: Mapping[str, int], directions: Directions, starts: Int64Array, kept: NDArray[np.int8],
+    writer: PieceWriter,
+) -> None:  # fmt: skip
+    """Write the windows of some clips of a part, and their numbers where those of each begin."""
+    held = read_parquet(path, ["clip", "start", "stop", "descriptor"])
+    windows = np.empty(len(held), dtype=ROW)
+    windows["start"], windows["stop"], windows["vector"] = numbers(held["start"]), numbers(held["stop"]), _vectors(held)
     for row, run in _runs(held, rows):
-        along = directions.project(held.codes[run] * held.scales[run, None])
+        along = directions.project(windows["vector"][run].astype(np.float32))
         kept[starts[row] : starts[row + 1]] = np.clip(np.rint(along), -LARGEST, LARGEST)
+        writer.add(row, windows[run])
+
+
+def _vectors(held: pa.Table) -> NDArray[np.float16]:
+    """[w, 512] of the windows of a part."""
+    found = numbers(held["descriptor"].combine_chunks().flatten()).reshape(-1, DIMENSION)
+    return np.asarray(found, dtype=HALF)
 
 
 def _fitted(lake: Lake, files: Sequence[str]) -> tuple[Directions, Float32Array]:
     """Directions of the windows of some parts, and steps by which 127 reach the farthest of these."""
-    some = np.concatenate(list(_some(lake, files)))
+    parts = files[:: max(1, len(files) // SPREAD)]
+    vectors = [_vectors(read_parquet(sound(lake, file), ["descriptor"])) for file in parts]
+    some = np.concatenate(vectors).astype(np.float32)
     directions = Directions.of(some, DIRECTIONS)
     largest = np.abs(directions.project(some)).max(axis=0, initial=0.0)
     reached = np.maximum(largest, SMALLEST * largest.max()) if largest.any() else np.ones_like(largest)
     steps = np.asarray(reached / LARGEST, dtype=np.float32)
     return Directions(directions.mean, directions.matrix / steps), steps
-
-
-def _some(lake: Lake, files: Sequence[str]) -> Iterator[Float32Array]:
-    for file in files[:: max(1, len(files) // SPREAD)]:
-        held = WindowFile.open(sound(lake, file))
-        yield np.asarray(held.codes * held.scales[:, None], dtype=np.float32)

@@ -9,11 +9,12 @@ from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, fields
-from itertools import accumulate
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeAlias
 
 import pyarrow as pa
+from motionlake.columns import texts
 from motionlake.errors import ClipError, UserError
 from motionlake.formats import clip_by_name, companions, is_clip, may_have_companions
 from motionlake.formats.limits_config import Limits, raised
@@ -28,6 +29,7 @@ from motionlake.names import folded, kept, on_disk
 UPS = ("x", "y", "z", "-x", "-y", "-z")
 FRAMES_VERSION = 1
 HASHED_TOGETHER = 256
+_name: Final = attrgetter("name")
 LATEST: Final = (1 << 63) - 1  # the last date that the catalog can hold, in 2262
 Hashing: TypeAlias = Callable[[int, int], None]  # told of (files hashed, all files)
 
@@ -214,24 +216,48 @@ class _Known(NamedTuple):
 def scan(root: Path, lake: Lake) -> Iterator[SourceFile]:
     """Every clip file below a folder (or the one file), sorted by path; hidden files and the lake are left out."""
     if root.is_file():
-        yield _source_file(str(root), root.name, _companions(root))
+        yield _source_file(root, root.name, _companions(root))
         return
-    os.scandir(root).close()  # `walk` would say nothing of a folder that may not be read
-    start, own = len(str(root / "_")) - 1, str(lake.root)
-    for folder, folders, names in os.walk(root):
-        within, relative = str(Path(folder, "_"))[:-1], f"{folder[start:]}/" if len(folder) > start else ""
-        folders[:] = sorted(f for f in folders if not f.startswith(".") and within + f != own)
-        for name in sorted(names):
-            by_name = False if name.startswith(".") else clip_by_name(name)
-            if by_name:
-                yield _source_file(within + name, relative + name)
-            elif by_name is None and is_clip(path := Path(within + name)):
-                yield _source_file(within + name, relative + name, _companions(path))
+    with os.scandir(root) as found:  # a root that may not be read is told of, a folder within is not
+        entries = list(found)
+    start, own = len(str(root / "_")) - 1, lake.root
+    folders = list[str]()
+    folder = str(root)
+    while True:
+        relative = f"{folder[start:]}/" if len(folder) > start else ""
+        within = list[str]()
+        for entry in sorted(entries, key=_name):
+            name = entry.name
+            if name.startswith("."):
+                continue
+            if _is_folder(entry):
+                if not entry.is_symlink() and not (name == own.name and Path(entry.path) == own):
+                    within.append(entry.path)
+            elif by_name := clip_by_name(name):
+                yield _source_file(entry, relative + name)
+            elif by_name is None and is_clip(path := Path(entry.path)):
+                yield _source_file(entry, relative + name, _companions(path))
+        folders += reversed(within)
+        if not folders:
+            return
+        folder = folders.pop()
+        try:
+            with os.scandir(folder) as found:
+                entries = list(found)
+        except OSError:
+            entries = []
 
 
-def _source_file(path: str, relative: str, more: Iterable[Path] = ()) -> SourceFile:
+def _is_folder(entry: os.DirEntry[str]) -> bool:
     try:
-        own = os.stat(path)  # noqa: PTH116 a `Path` for each of a hundred thousand files takes twice as long
+        return entry.is_dir()
+    except OSError:
+        return False
+
+
+def _source_file(file: Path | os.DirEntry[str], relative: str, more: Iterable[Path] = ()) -> SourceFile:
+    try:
+        own = file.stat()
         size, newest = own.st_size, own.st_mtime_ns
         for stats in (companion.stat() for companion in more):
             size, newest = size + stats.st_size, max(newest, stats.st_mtime_ns)
@@ -321,12 +347,9 @@ def compare(
 
 def _rows(found: Sequence[SourceFile]) -> pa.Table:
     """Files as queries read them; of buffers, since `pa.array` first imports pandas."""
-    paths = [file.path.encode() for file in found]
-    offsets = array("i", accumulate(map(len, paths), initial=0))
-    text = pa.Array.from_buffers(pa.string(), len(found), [None, pa.py_buffer(offsets), pa.py_buffer(b"".join(paths))])
     numbers = (array("q", [file.size for file in found]), array("q", [file.mtime_ns for file in found]))
     rest = [pa.Array.from_buffers(pa.int64(), len(found), [None, pa.py_buffer(column)]) for column in numbers]
-    return pa.Table.from_arrays([text, *rest], names=["path", "size", "mtime_ns"])
+    return pa.Table.from_arrays([texts([file.path for file in found]), *rest], names=["path", "size", "mtime_ns"])
 
 
 def _hashed(base: Path, files: list[SourceFile], most: int, progress: Hashing | None) -> Iterator[SourceFile]:

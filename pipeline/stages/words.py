@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
@@ -14,8 +14,8 @@ from motionlake.lake.config import config_hash
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import write_part
 from motionlake.motion.features import WordConfig, native_ranges, windows, word_features
-from motionlake.stages.mapped_part import MappedStage, lists_of, read_rows
-from motionlake.stages.part_clips import clips_of_shard
+from motionlake.stages.mapped_part import MappedStage, lists_of, read_rows, rows_of_clips
+from motionlake.stages.part_clips import by_file, clips_of_shard
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.stage import (
     STAGING,
@@ -87,6 +87,10 @@ def read_features(path: Path) -> Iterator[tuple[str, NDArray[np.float32]]]:
     yield from read_rows(path, FEATURES)
 
 
-def read_some_features(path: Path, clips: Container[str]) -> dict[str, NDArray[np.float32]]:
-    """[T, D] of some clips of a features part."""
-    return dict(read_rows(path, FEATURES, clips))
+def features_of(lake: Lake, files: Mapping[str, str], clips: Mapping[str, str]) -> dict[str, NDArray[np.float32]]:
+    """[T, D] of some clips, given the features of each frames part, and the part of each clip.
+
+    Raises:
+        DamagedError: as `rows_of_clips`.
+    """
+    return rows_of_clips(lake, by_file(lake, files, clips), FEATURES)
