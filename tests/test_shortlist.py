@@ -16,6 +16,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from motionlake.errors import DamagedError, UserError
+from motionlake.lake.catalog import reading
 from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake, open_lake
 from motionlake.motion.dtw import clip_dtw, clip_path
@@ -32,6 +33,7 @@ from motionlake.retrieval.protocol import LakeSearcher, Query, Scope
 from motionlake.retrieval.registry import searcher
 from motionlake.retrieval.shortlist_methods import METHODS
 from motionlake.stages import shortlist_moves
+from motionlake.stages.postures import codes_of_clips
 from motionlake.stages.reader import lake_reader
 from motionlake.stages.shortlist import COMPARED, SHORTLIST
 from motionlake.stages.shortlist_files import MOVE_PIECES, ShortlistFiles
@@ -171,6 +173,29 @@ def test_pieces_are_found_as_in_a_small_lake(large: Path, clips_folder: Path, me
             (ours,) = searcher("range", method, open_lake(large)).search([asked], 5, scope)
         (exact,) = searcher("range", "words", open_lake(large)).search([asked], 5, scope)
         assert ours == exact
+
+
+def assert_postures_are_those_of_parts(root: Path) -> None:
+    lake = open_lake(root)
+    opened = ShortlistFiles.open(lake, [str(path.relative_to(root)) for path in root.glob("shortlist/*")])
+    names = opened.table["clip"].to_pylist()
+    assert opened.postures is not None
+    with reading(lake) as con:
+        wanted = codes_of_clips(con, lake, opened.models["alignment"], names)
+    assert wanted
+    for clip, codes in zip(names, opened.postures.of(np.arange(len(names))), strict=True):
+        np.testing.assert_array_equal(codes, wanted.get(clip, np.zeros(0, dtype=np.int32)))
+
+
+def test_answers_of_alignment_are_told_by_the_shortlist(large: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The postures in it are those of parts, which a search does not read."""
+    assert_postures_are_those_of_parts(large)
+    ((clip, frames, fps),) = longest(large, 1)
+    asked = Query(clip, 0, min(frames, int(1.5 * fps)))
+    (wanted, _) = by_words(large, "alignment", asked, Scope())
+    monkeypatch.setattr("motionlake.retrieval.symbol_strings.codes_of_clips", None)
+    with few():
+        assert searcher("range", "alignment", open_lake(large)).search([asked], 5) == [wanted]
 
 
 @pytest.mark.parametrize("method", ["alignment", "moves"])
@@ -353,7 +378,8 @@ def test_a_large_lake_of_which_clips_leave(large: Path, tmp_path: Path, schedule
         assert motionlake("run", "shortlist", "--lake", root, "--scheduler", scheduler).status == 0
     after = {name for name in files(root) if name.startswith("shortlist/")}
     assert len(after) == len(before)
-    assert {name.partition("-")[2] for name in after & before} == {"moves.f16", "windows.rows"}
+    assert {name.partition("-")[2] for name in after & before} == {"moves.f16", "postures.codes", "windows.rows"}
+    assert_postures_are_those_of_parts(root)
     assert_alike(*both(root, Query(clip), 5, Scope()))
     assert motionlake("verify", "--deep", "--lake", root).status == 0
 
@@ -376,6 +402,7 @@ def test_moves_of_clips_that_come_are_added(
         assert len(read) == 1
         assert [path.name.partition("-")[2] for path in pieces(root)] == ["moves.f16", "moves-1.f16"]
         assert pieces(root)[0] == first
+        assert_postures_are_those_of_parts(root)
     assert motionlake("verify", "--deep", "--lake", root).status == 0
     new = [row[0] for row in query(root, "SELECT clip FROM clips WHERE dataset LIKE 'night%' ORDER BY clip")]
     for asked in (clip, *new):

@@ -23,6 +23,7 @@ from motionlake.retrieval.submotion_search import SubmotionSearcher
 from motionlake.retrieval.window_scan import WindowScan
 from motionlake.retrieval.window_shortlist import WindowShortlist, nearest_of_clips
 from motionlake.stages import shortlist_windows, windows
+from motionlake.stages.shortlist_before import rows_by_file
 from motionlake.stages.shortlist_files import is_of_windows
 from motionlake.stages.shortlist_windows import DIRECTIONS, ShortlistWindows, kind_of
 
@@ -193,7 +194,7 @@ def test_damaged_numbers_answer_nothing(large: Path, tmp_path: Path, name: str) 
 def test_a_clip_is_read_from_its_part_of_today() -> None:
     """The part that held it before still holds it, beside clips that stayed there."""
     clips = pa.table({"clip": ["a", "b", "c", "d"], "part": ["new", "old", "old", "away"]})
-    wanted = shortlist_windows._wanted({"old": "OLD", "new": "NEW"}, clips, np.array([True, True, False, True]))
+    wanted = rows_by_file({"old": "OLD", "new": "NEW"}, clips, np.array([True, True, False, True]))
     assert wanted == {"NEW": {"a": 0}, "OLD": {"b": 1}}
 
 

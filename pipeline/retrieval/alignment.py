@@ -21,7 +21,7 @@ from motionlake.retrieval.hits import Hit, PathStep, clip_hit
 from motionlake.retrieval.matched_frames import MatchedFrames
 from motionlake.retrieval.protocol import EVERYTHING, LakeSearcher, Query, Scope, about, not_ready, one_of
 from motionlake.retrieval.string_queries import StringQuery, clip_query, query_of_symbols
-from motionlake.retrieval.symbol_strings import ClipStrings, barred_symbols, encoded
+from motionlake.retrieval.symbol_strings import ClipStrings, Codes, barred_symbols, encoded
 from numpy.typing import ArrayLike
 
 if TYPE_CHECKING:
@@ -37,12 +37,14 @@ class AlignmentOptions(TypedDict, total=False):
         stride: symbols that "sta" may stride over, plus one; by default that of config.toml.
         gaps: of "sta": whether symbols may be left out at a price; by default that of config.toml.
         strings: of the lake, where they have been read already.
+        codes: gives the postures of some clips, where they need not be read from parts.
     """
 
     method: str | None
     stride: int | None
     gaps: bool | None
     strings: LakeStrings | None
+    codes: Codes | None
 
 
 def check_together(
@@ -71,7 +73,7 @@ class _Aligner(LakeSearcher):
     def __init__(self, lake: Lake, **options: Unpack[AlignmentOptions]) -> None:
         super().__init__(lake)
         settings = served_config(lake)
-        given: dict[str, Any] = {k: v for k, v in options.items() if k != "strings" and v is not None}
+        given: dict[str, Any] = {k: v for k, v in options.items() if k not in ("strings", "codes") and v is not None}
         try:
             own = settings.alignment
             self.config = replace(own.by(given["method"]) if "method" in given else own, **given)
@@ -82,7 +84,7 @@ class _Aligner(LakeSearcher):
         if strings is None:
             with reading(lake) as con:
                 strings = read_strings(con)
-        self.strings = strings
+        self.strings, self._codes = strings, options.get("codes")
 
     def symbols_of(self, query: Query, *, mirrored: bool = False) -> StringQuery:
         """The symbols of a query.
@@ -101,7 +103,7 @@ class _Aligner(LakeSearcher):
     @cached_property
     def clip_strings(self) -> ClipStrings:
         """The strings before their repeats are folded."""
-        return ClipStrings(self.lake, self.strings)
+        return ClipStrings(self.lake, self.strings, self._codes)
 
     def _pairwise(self, queries: Sequence[StringQuery], gallery: Sequence[StringQuery]) -> Float64Array:
         """[q, g] least cost of each query in each of some strings, for each symbol of the query."""

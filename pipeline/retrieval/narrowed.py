@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from motionlake.arrays import Float64Array, Int64Array
+from motionlake.arrays import Float64Array, Int32Array, Int64Array
 from motionlake.lake.catalog import reading
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.hits import Hit
@@ -66,7 +66,15 @@ class NarrowedSearcher(LakeSearcher):
             )
         from motionlake.retrieval.alignment import AlignmentRangeSearcher
 
-        return AlignmentRangeSearcher(self.lake, strings=self._strings(rows))
+        codes = None if self._clips.files.postures is None else self._codes
+        return AlignmentRangeSearcher(self.lake, strings=self._strings(rows), codes=codes)
+
+    def _codes(self, clips: Sequence[str]) -> dict[str, Int32Array]:
+        """[T] symbols of the postures of clips, as the shortlist keeps them; without clips that have none there."""
+        postures = self._clips.files.postures
+        assert postures is not None
+        found = postures.of(np.array([self._clips.row(clip) for clip in clips], dtype=np.int64))
+        return {clip: codes for clip, codes in zip(clips, found, strict=True) if len(codes)}
 
     def _strings(self, rows: Int64Array) -> LakeStrings:
         """The strings of the clips of some rows, which an earlier version's shortlist has without frames."""

@@ -3,9 +3,9 @@ where it finds it."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
 from motionlake.arrays import BoolArray, Int32Array
@@ -29,6 +29,7 @@ from motionlake.weights import read_tensors
 if TYPE_CHECKING:
     from motionlake.pesta.dictionary import PostureDictionary
 
+Codes: TypeAlias = Callable[[Sequence[str]], Mapping[str, Int32Array]]
 KEPT: Final = 1000  # clips whose unfolded strings are remembered
 EVERY: Final = [SymbolsConfig(runs, repeats) for runs in (True, False) for repeats in (True, False)]
 
@@ -74,10 +75,16 @@ def _coded(lake: Lake, motion: QueryMotion, dictionary: PostureDictionary) -> Un
 
 
 class ClipStrings:
-    """The strings of a lake's clips with every cycle of their repeats, from the codes that stage "postures" keeps."""
+    """The strings of a lake's clips with every cycle of their repeats, from the codes that stage "postures" keeps.
 
-    def __init__(self, lake: Lake, strings: LakeStrings) -> None:
-        self._lake, self._strings = lake, strings
+    Args:
+        lake: the lake.
+        strings: of its clips.
+        codes: gives the codes of some clips; None: they are read from parts.
+    """
+
+    def __init__(self, lake: Lake, strings: LakeStrings, codes: Codes | None = None) -> None:
+        self._lake, self._strings, self._codes = lake, strings, codes
         self._known: dict[str, UnfoldedString] = {}
 
     @cached_property
@@ -104,8 +111,11 @@ class ClipStrings:
         missing = [clip for clip in dict.fromkeys(clips) if clip not in self._known]
         if not missing:
             return
-        with reading(self._lake) as con:
-            codes = codes_of_clips(con, self._lake, self._strings.model, missing)
+        if self._codes is not None:
+            codes = self._codes(missing)
+        else:
+            with reading(self._lake) as con:
+                codes = codes_of_clips(con, self._lake, self._strings.model, missing)
         if len(self._known) + len(missing) > KEPT:
             self._known.clear()
         for clip in missing:

@@ -10,8 +10,10 @@ all are done together; but of moves and windows, only those of clips that came s
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import reduce
+from operator import or_
 from pathlib import Path
 from typing import Any, Final
 
@@ -25,8 +27,8 @@ from motionlake.lake.layout import Lake
 from motionlake.motion.moves import KIND
 from motionlake.motion.sketches import Directions, searchable
 from motionlake.stages.graph import SOURCES, made_keys
+from motionlake.stages.postures import POSTURES
 from motionlake.stages.reader import LakeReader, lake_reader
-from motionlake.stages.shortlist_before import Before
 from motionlake.stages.shortlist_files import (
     CLIPS,
     CODES,
@@ -43,15 +45,15 @@ from motionlake.stages.shortlist_files import (
     write_clips,
     write_directions,
 )
-from motionlake.stages.shortlist_moves import all_moves, more_moves, moves_of_parts
+from motionlake.stages.shortlist_moves import moves_of_clips, moves_of_parts, moves_to_read
+from motionlake.stages.shortlist_postures import postures_of_clips, postures_of_parts, postures_to_read
 from motionlake.stages.shortlist_windows import vectors_of_parts, windows_of_clips, windows_to_read
 from motionlake.stages.stage import PartStage, Shard, ShardResult, ShardStage, live_parts
 from motionlake.stages.submotions import SUBMOTIONS
 
 COMPARED: Final[Mapping[str, PartStage]] = {method: SOURCES[method] for method in WIDTHS}
-KEPT: Final[Mapping[str, PartStage]] = {**COMPARED, "windows": SUBMOTIONS}
+KEPT: Final[Mapping[str, PartStage]] = {**COMPARED, "windows": SUBMOTIONS, "postures": POSTURES}
 BLOCK: Final = 4096  # clips whose sketches are made at a time
-LAYOUT: Final = 3  # of moves: those of another are read anew
 WORDS: Final = 16_384  # clips the motifs of whose words are read at a time
 
 
@@ -59,10 +61,10 @@ class Shortlist(ShardStage):
     """One shard for the whole lake."""
 
     name = "shortlist"
-    version = 8  # with the vectors of windows
+    version = 8  # with the vectors of windows, and postures
     about = "short vectors by which the search of a large lake chooses the clips that it compares"
     reads_catalog = True
-    upstream = (*(stage.name for stage in COMPARED.values()), SUBMOTIONS.name)
+    upstream = (*(stage.name for stage in COMPARED.values()), SUBMOTIONS.name, POSTURES.name)
     folders = (FOLDER,)
 
     def due(self, at: LakeReader) -> int:
@@ -93,7 +95,10 @@ class Shortlist(ShardStage):
             return None
         (clips,) = fetch(at.con, "digest_of_clips")
         key = config_hash(self.name, self.version, KIND, made, clips["digest"])
-        read = {"moves": list(moves_of_parts(at).values()), "windows": vectors_of_parts(at)}
+        read = {
+            "moves": list(moves_of_parts(at).values()), "windows": vectors_of_parts(at),
+            "postures": postures_of_parts(at),
+        }  # fmt: skip
         # Named by its datasets: it serves on where a part of them leaves the lake.
         datasets = "+".join(sorted({part.dataset for part in live}))
         return Shard(self.name, key, datasets, datasets, {"methods": methods, **read}, clips["clips"])
@@ -103,18 +108,9 @@ class Shortlist(ShardStage):
         there = [row for row in fetch(at.con, "shards", {"stage": self.name}) if row["state"] == "ok"]
         if not there:
             return shard
-        clips, more = fetch_table(at.con, "clips_with_parts"), {}
-        if "windows" in shard.spec["methods"]:
-            more = dict(windows_to_read(at, there[0]["files"], clips))
-        found = self._before(at, there[0]["key"], clips) if "moves" in shard.spec["methods"] else None
-        if found is not None:
-            more |= {"before": there[0]["key"], "files": found.files, "moves": found.to_read(clips, moves_of_parts(at))}
-        return replace(shard, spec={**shard.spec, **more})
-
-    def _before(self, at: LakeReader, key: str, clips: pa.Table) -> Before | None:
-        """What serves of the shortlist with a key."""
-        rows = [row for row in fetch(at.con, "shards", {"stage": self.name}) if row["key"] == key]
-        return Before.of(at.lake, rows[0]["files"], LAYOUT, clips, moves_of_parts(at)) if rows else None
+        clips = fetch_table(at.con, "clips_with_parts")
+        read = [TO_READ[method](at, there[0]["files"], clips) for method in shard.spec["methods"] if method in TO_READ]
+        return replace(shard, spec=reduce(or_, read, dict(shard.spec)))
 
     def run(self, root: Path, shard: Shard, /) -> ShardResult:
         started = time.perf_counter()
@@ -122,17 +118,7 @@ class Shortlist(ShardStage):
         with lake_reader(lake, load_config(lake.config_file)) as at:
             clips = fetch_table(at.con, "clips_with_parts").select(["clip", "part"])
             places = Places(clips["clip"].to_pylist())
-            before = self._before(at, shard.spec["before"], clips) if "before" in shard.spec else None
-            made = []
-            for method in shard.spec["methods"]:
-                if method == "windows":
-                    made.append(windows_of_clips(at, shard, clips))
-                elif method != "moves":
-                    made.append(MAKE[method](at, shard, places))
-                elif before is None:
-                    made.append(all_moves(at, shard, LAYOUT, places))
-                else:
-                    made.append(more_moves(at, shard, LAYOUT, places, before))
+            made = [MAKE[method](at, shard, clips, places) for method in shard.spec["methods"]]
             models = {row["method"]: row["model"] for row in fetch(at.con, "models_compared")}
         columns = {name: column for each in made for name, column in each.columns.items()}
         said = {name: text for each in made for name, text in each.said.items()}
@@ -168,7 +154,7 @@ def _sketches(
     ]
 
 
-def _by_signature(at: LakeReader, shard: Shard, places: Places) -> Made:
+def _by_signature(at: LakeReader, shard: Shard, _: pa.Table, places: Places) -> Made:
     from motionlake.deep_motifs.emd import ground_distances
     from motionlake.lake.corpus import read_signatures
 
@@ -201,7 +187,7 @@ def _words(con: Connection, places: Places) -> pa.Array:
     return _lists(counts, np.concatenate(motifs))
 
 
-def _by_alignment(at: LakeReader, shard: Shard, places: Places) -> Made:
+def _by_alignment(at: LakeReader, shard: Shard, _: pa.Table, places: Places) -> Made:
     from motionlake.motion.moves_of_clips import instants_of_clips
 
     table = fetch_table(at.con, "symbol_strings", {"clips": None}).combine_chunks()
@@ -234,4 +220,8 @@ def _lists(counts: Any, values: Any) -> pa.Array:
     return pa.ListArray.from_arrays(pa.array(offsets), pa.array(values))
 
 
-MAKE: Final = {"signature": _by_signature, "alignment": _by_alignment}
+MAKE: Final[Mapping[str, Callable[[LakeReader, Shard, pa.Table, Places], Made]]] = {
+    "signature": _by_signature, "alignment": _by_alignment, "moves": moves_of_clips, "windows": windows_of_clips,
+    "postures": postures_of_clips,
+}  # fmt: skip
+TO_READ: Final = {"moves": moves_to_read, "windows": windows_to_read, "postures": postures_to_read}

@@ -1,23 +1,20 @@
-"""The moves in a shortlist as it was: of clips that stay they are taken over, and those of others are read.
-
-They are much of what is read and written for a shortlist.
-"""
+"""What a shortlist as it was holds of clips that stay: it is taken over, and that of others is read."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import compress
 from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
-from motionlake.arrays import Int64Array
+from motionlake.arrays import BoolArray, Int64Array
 from motionlake.lake.layout import Lake
 from motionlake.motion.moves import KIND
 from motionlake.stages.shortlist_files import MOVE_PIECES, read_clips, said_of
-from motionlake.stages.shortlist_pieces import RowPlaces, serving
+from motionlake.stages.shortlist_pieces import Kind, Pieces, PieceWriter, RowPlaces, serving
 
 GROWN: Final = 1.5  # times as many clips as directions were fitted to; of more they are fitted anew
 FITTED: Final = "fitted"  # names in what a table of clips says of itself
@@ -26,25 +23,97 @@ FRAMES: Final = "pieces"
 
 
 @dataclass(frozen=True)
-class Before:
+class Staying:
+    """Clips whose rows in pieces serve on.
+
+    Attributes:
+        old: [m] rows that the shortlist gave to these clips.
+        new: [m] rows that they have today.
+        pieces: that go on serving, and the rows of each.
+    """
+
+    old: Int64Array
+    new: Int64Array
+    pieces: Mapping[str, int]
+
+    def others(self, clips: int) -> BoolArray:
+        """[n] which of n clips of today do not stay."""
+        found = np.ones(clips, dtype=np.bool_)
+        found[self.new] = False
+        return found
+
+
+def staying(
+    table: pa.Table, clips: pa.Table, kind: Kind, files: Sequence[str], written: Sequence[int],
+    still: Callable[[int, str], bool],
+) -> Staying | None:  # fmt: skip
+    """The clips that stay; None where so few do that all must be written anew.
+
+    Args:
+        table: of the clips of a shortlist as it was.
+        clips: [n] clip and part of today, by row.
+        kind: of its pieces.
+        files: it consists of.
+        written: rows of each piece.
+        still: whether what it has of the clip of a row, in a part of today, is what it would be given.
+    """
+    rows = {pair: row for row, pair in enumerate(_pairs(table))}
+    found = [(rows[pair], row) for row, pair in enumerate(_pairs(clips)) if pair in rows and still(rows[pair], pair[1])]
+    old, new = np.array(found, dtype=np.int64).reshape(-1, 2).T
+    kept = serving(written, RowPlaces.of(table, kind), old, len(clips) - len(found))
+    return Staying(old, new, dict(zip(kind.among(files)[:kept], written, strict=False))) if kept else None
+
+
+def files_by_part(files: Mapping[str, str], clips: pa.Table, others: BoolArray | None) -> dict[str, str]:
+    """Of the files of parts those that hold some of [n] clip and part; None: any of them."""
+    parts = clips["part"].to_pylist()
+    wanted = dict.fromkeys(parts if others is None else compress(parts, others))
+    return {part: files[part] for part in wanted if part in files}
+
+
+def rows_by_file(files: Mapping[str, str], clips: pa.Table, others: BoolArray) -> dict[str, dict[str, int]]:
+    """The rows of some clips, by name, of the file of each part: one may hold more, which are other parts' by now."""
+    found: dict[str, dict[str, int]] = {}
+    for row, (clip, part) in enumerate(_pairs(clips)):
+        if others[row] and part in files:
+            found.setdefault(files[part], {})[clip] = row
+    return found
+
+
+def as_named(what: str, files: Sequence[str], found: Staying) -> dict[str, Any]:
+    """How the spec of a shard names the files of a shortlist that it takes something over from: pieces that go on
+    serving are not read, so they are keys, which no worker is given."""
+    return {f"{what} before": [file for file in files if file not in found.pieces], f"{what} kept": found.pieces}
+
+
+def named(spec: Mapping[str, Any], what: str) -> list[str]:
+    """The same files; none where nothing is taken over."""
+    return [*spec.get(f"{what} before", ()), *spec.get(f"{what} kept", ())]
+
+
+def take_over(found: Staying, there: RowPlaces, rows: Pieces, places: RowPlaces, writer: PieceWriter) -> None:
+    """Say where the rows of the clips that stay lie; what lies in pieces that do not go on serving is written."""
+    places.take(found.new, there, found.old)
+    moved = (places.count[found.new] > 0) & (places.piece[found.new] >= len(found.pieces))
+    olds, clips = found.old[moved], found.new[moved]
+    for clip, held in zip(clips.tolist(), rows.of(olds) if len(olds) else (), strict=True):
+        writer.add(clip, held)
+
+
+@dataclass(frozen=True)
+class MovesBefore(Staying):
     """What of a shortlist's moves still serves.
 
     Attributes:
-        files: it consists of, but for the pieces that go on serving.
-        pieces: that go on serving, and the frames of each.
-        old: [m] rows that it gave to the clips that stay.
-        new: [m] rows that these have today.
         fitted: clips that its directions were fitted to.
     """
 
-    files: list[str]
-    pieces: dict[str, int]
-    old: Int64Array
-    new: Int64Array
     fitted: int
 
     @staticmethod
-    def of(lake: Lake, files: Sequence[str], version: int, clips: pa.Table, moves: Mapping[str, str]) -> Before | None:
+    def of(
+        lake: Lake, files: Sequence[str], version: int, clips: pa.Table, moves: Mapping[str, str]
+    ) -> MovesBefore | None:
         """What serves of a shortlist; None where all must be made anew.
 
         Args:
@@ -64,25 +133,12 @@ class Before:
         if len(clips) > GROWN * int(said[FITTED]):
             return None
         known = set(json.loads(said[READ]))
-        rows = {pair: row for row, pair in enumerate(_pairs(table))}
-        staying = [
-            (rows[pair], row) for row, pair in enumerate(_pairs(clips)) if pair in rows and moves.get(pair[1]) in known
-        ]
-        old, new = np.array(staying, dtype=np.int64).reshape(-1, 2).T
-        written = json.loads(said[FRAMES])
-        kept = serving(written, RowPlaces.of(table, MOVE_PIECES), old, len(clips) - len(staying))
-        if not kept:
-            return None
-        pieces = MOVE_PIECES.among(files)[:kept]
-        rest = [file for file in files if file not in pieces]
-        return Before(rest, dict(zip(pieces, written, strict=False)), old, new, int(said[FITTED]))
 
-    def to_read(self, clips: pa.Table, moves: Mapping[str, str]) -> list[str]:
-        """The files of moves that hold clips which do not stay."""
-        others = np.ones(len(clips), dtype=np.bool_)
-        others[self.new] = False
-        parts = dict.fromkeys(compress(clips["part"].to_pylist(), others))
-        return [moves[part] for part in parts if part in moves]
+        def still(_: int, part: str) -> bool:
+            return moves.get(part) in known
+
+        found = staying(table, clips, MOVE_PIECES, files, json.loads(said[FRAMES]), still)
+        return None if found is None else MovesBefore(found.old, found.new, found.pieces, int(said[FITTED]))
 
 
 def said_of_moves(version: int, fitted: int, read: Sequence[str], pieces: Sequence[int]) -> dict[str, str]:

@@ -27,7 +27,10 @@ MOST: Final = 20_000  # clips of a lake up to which a search compares all of the
 FOLDER: Final = "shortlist"
 CLIPS: Final = "clips.arrow"
 MOVE_PIECES: Final = Kind("moves", ".f16", ("piece", "start", "frames", "crc32"))
+POSTURE_PIECES: Final = Kind("postures", ".codes", ("postures_piece", "postures_start", "postures", "postures_crc32"))
+PIECES: Final = (MOVE_PIECES.suffix, POSTURE_PIECES.suffix)
 HALF: Final = np.dtype("<f2")
+CODE: Final = np.dtype("<i4")
 INSTANTS: Final = 12  # of the moves of a clip, for its sketch and for its outline
 CODES: Final = 16  # of its postures
 WIDTHS: Final[Mapping[str, int]] = {"signature": 32, "alignment": 64, "moves": 64}  # of sketches, by method
@@ -126,19 +129,19 @@ class ShortlistFiles:
         table: [n] clip, part, and what each method keeps in lists.
         models: what signatures and strings are made over, by method.
         arrays: by name.
-        pieces: files of the moves of clips.
+        files: that it consists of.
     """
 
     lake: Lake
     table: pa.Table
     models: Mapping[str, str]
     arrays: Mapping[str, NDArray[Any]]
-    pieces: Sequence[str]
+    files: Sequence[str]
 
     @staticmethod
     def open(lake: Lake, files: Sequence[str]) -> ShortlistFiles:
         """Raises `DamagedError` where a file is not as it was written."""
-        whole = [file for file in files if not (file.endswith(MOVE_PIECES.suffix) or is_of_windows(file))]
+        whole = [file for file in files if not (file.endswith(PIECES) or is_of_windows(file))]
         paths = dict(zip(whole, sound_files(lake, whole), strict=True))
         arrays = {_name(file): np.load(path, mmap_mode="r", allow_pickle=False)
                   for file, path in paths.items() if file.endswith(".npy")}  # fmt: skip
@@ -146,7 +149,7 @@ class ShortlistFiles:
         table = pa.ipc.open_file(pa.memory_map(str(clips))).read_all()
         said = said_of(table)
         models = {method: said[method] for method in WIDTHS if method in said}
-        return ShortlistFiles(lake, table, models, arrays, MOVE_PIECES.among(files))
+        return ShortlistFiles(lake, table, models, arrays, files)
 
     @property
     def methods(self) -> tuple[str, ...]:
@@ -191,7 +194,16 @@ class ShortlistFiles:
     def moves(self) -> Pieces:
         """The moves of clips, a frame a row [D] in half precision."""
         width = int(self.arrays["outlines-directions"].shape[0])
-        return Pieces(self.lake, self.pieces, RowPlaces.of(self.table, MOVE_PIECES), np.dtype((HALF, (width,))))
+        places = RowPlaces.of(self.table, MOVE_PIECES)
+        return Pieces(self.lake, MOVE_PIECES.among(self.files), places, np.dtype((HALF, (width,))))
+
+    @cached_property
+    def postures(self) -> Pieces | None:
+        """The codes of the frames of clips; None where an earlier version made the shortlist."""
+        if POSTURE_PIECES.columns[0] not in self.table.column_names:
+            return None
+        places = RowPlaces.of(self.table, POSTURE_PIECES)
+        return Pieces(self.lake, POSTURE_PIECES.among(self.files), places, CODE)
 
 
 def said_of(table: pa.Table) -> dict[str, str]:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterator, Sequence
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
+import pyarrow as pa
 from motionlake.arrays import Float32Array, Int64Array
 from motionlake.lake.integrity import listed_in
 from motionlake.lake.layout import Lake
@@ -13,7 +14,14 @@ from motionlake.motion.moves import WIDTH
 from motionlake.motion.sketches import Directions, instants, searchable
 from motionlake.stages.moves import MOVES, joints_in, tracks_in
 from motionlake.stages.reader import LakeReader
-from motionlake.stages.shortlist_before import Before, said_of_moves
+from motionlake.stages.shortlist_before import (
+    MovesBefore,
+    as_named,
+    files_by_part,
+    named,
+    said_of_moves,
+    take_over,
+)
 from motionlake.stages.shortlist_files import (
     HALF,
     INSTANTS,
@@ -28,9 +36,10 @@ from motionlake.stages.shortlist_files import (
     write_array,
     write_directions,
 )
-from motionlake.stages.shortlist_pieces import PieceWriter, RowPlaces, pieces_left, written_anew
+from motionlake.stages.shortlist_pieces import PieceWriter, RowPlaces, pieces_left
 from motionlake.stages.stage import Shard
 
+LAYOUT: Final = 3  # of moves: those of another are read anew
 DIRECTIONS: Final = 24  # of frames of moves, in outlines
 SPREAD: Final = 16  # parts that they are from, at least
 
@@ -64,15 +73,11 @@ class _Moves:
         for row, start, stop in zip(rows.tolist(), starts[:-1].tolist(), starts[1:].tolist(), strict=True):
             writer.add(row, halves[start:stop])
 
-    def take_over(self, files: ShortlistFiles, before: Before, writer: PieceWriter) -> None:
-        """Those of the clips that stay; what lies in pieces that do not go on serving is written."""
+    def take_over(self, files: ShortlistFiles, before: MovesBefore, writer: PieceWriter) -> None:
+        """Those of the clips that stay."""
         self.sketches[before.new] = files.arrays["moves-sketches"][before.old]
         self.outlines[before.new] = files.arrays["moves-outlines"][before.old]
-        self.frames.take(before.new, RowPlaces.of(files.table, MOVE_PIECES), before.old)
-        moved = written_anew(self.frames, before.new, len(before.pieces))
-        olds, rows = before.old[moved], before.new[moved]
-        for row, halves in zip(rows.tolist(), files.moves.of(olds) if len(olds) else (), strict=True):
-            writer.add(row, halves)
+        take_over(before, RowPlaces.of(files.table, MOVE_PIECES), files.moves, self.frames, writer)
 
     def write(self, lake: Lake, key: str) -> list[str]:
         return [
@@ -83,7 +88,24 @@ class _Moves:
         ]
 
 
-def all_moves(at: LakeReader, shard: Shard, version: int, places: Places) -> Made:
+def moves_to_read(at: LakeReader, there: Sequence[str], clips: pa.Table) -> dict[str, Any]:
+    """What a shard of a lake reads of [n] clip and part: of the shortlist with some files what serves on, and parts."""
+    files = moves_of_parts(at)
+    before = MovesBefore.of(at.lake, there, LAYOUT, clips, files) if there else None
+    if before is None:
+        return {"moves": list(files.values())}
+    others = before.others(len(clips))
+    return {"moves": list(files_by_part(files, clips, others).values()), **as_named("moves", there, before)}
+
+
+def moves_of_clips(at: LakeReader, shard: Shard, clips: pa.Table, places: Places) -> Made:
+    """Those of all clips: of [n] clip and part. The shard says what is read, as `moves_to_read` does."""
+    there = named(shard.spec, "moves")
+    before = MovesBefore.of(at.lake, there, LAYOUT, clips, moves_of_parts(at)) if there else None
+    return _all_moves(at, shard, places) if before is None else _more_moves(at, shard, places, before)
+
+
+def _all_moves(at: LakeReader, shard: Shard, places: Places) -> Made:
     """Of every clip, anew."""
     files = shard.spec["moves"]
     some = list(_some_moves(at.lake, files, places))
@@ -92,26 +114,24 @@ def all_moves(at: LakeReader, shard: Shard, version: int, places: Places) -> Mad
     with PieceWriter(at.lake, file_of(shard.key, MOVE_PIECES.file(0)), 0, kept.frames) as writer:
         for file in files:
             kept.add(at.lake, file, places, writer)
-    said = said_of_moves(version, len(places), files, [writer.written])
+    said = said_of_moves(LAYOUT, len(places), files, [writer.written])
     return Made(kept.frames.columns(MOVE_PIECES), [*kept.write(at.lake, shard.key), writer.file], said)
 
 
-def more_moves(at: LakeReader, shard: Shard, version: int, places: Places, before: Before) -> Made:
+def _more_moves(at: LakeReader, shard: Shard, places: Places, before: MovesBefore) -> Made:
     """Those of clips that stay as they were, and of all others along the same directions."""
-    files = ShortlistFiles.open(at.lake, [*before.files, *before.pieces])
+    files = ShortlistFiles.open(at.lake, named(shard.spec, "moves"))
     kept = _Moves(places, files.directions("moves"), files.directions("outlines"))
-    number = len(before.pieces)
-    names = list(places)
+    number, names = len(before.pieces), list(places)
     others = set(names) - {names[row] for row in before.new.tolist()}
     with PieceWriter(at.lake, file_of(shard.key, MOVE_PIECES.file(number)), number, kept.frames) as writer:
         kept.take_over(files, before, writer)
         for file in shard.spec["moves"]:
             kept.add(at.lake, file, others, writer)
-    pieces = pieces_left(at.lake, before.pieces, writer)
-    listed = listed_in(at.con)
+    pieces, listed = pieces_left(at.lake, before.pieces, writer), listed_in(at.con)
     return Made(
         kept.frames.columns(MOVE_PIECES), [*kept.write(at.lake, shard.key), *pieces],
-        said_of_moves(version, before.fitted, list(moves_of_parts(at).values()), list(pieces.values())),
+        said_of_moves(LAYOUT, before.fitted, list(moves_of_parts(at).values()), list(pieces.values())),
         [listed[file] for file in before.pieces],
     )  # fmt: skip
 

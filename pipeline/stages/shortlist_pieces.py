@@ -229,11 +229,6 @@ def serving(written: Sequence[int], places: RowPlaces, staying: Int64Array, comi
     return kept
 
 
-def written_anew(places: RowPlaces, staying: Int64Array, kept: int) -> NDArray[np.bool_]:
-    """[m] which of the clips that stay have rows in no piece that goes on serving."""
-    return np.asarray((places.count[staying] > 0) & (places.piece[staying] >= kept))
-
-
 def pieces_left(lake: Lake, before: Mapping[str, int], writer: PieceWriter) -> dict[str, int]:
     """The pieces of a shortlist, and the rows of each: those that serve on, and what was written, if there is any."""
     if writer.written:

@@ -10,13 +10,12 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import compress
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
-from motionlake.arrays import BoolArray, Float32Array, Int64Array
+from motionlake.arrays import Float32Array, Int64Array
 from motionlake.columns import numbers, read_parquet
 from motionlake.deephums.config import DIMENSION
 from motionlake.lake.catalog import Connection
@@ -25,11 +24,21 @@ from motionlake.lake.integrity import listed_in, sound, sound_files
 from motionlake.lake.layout import Lake
 from motionlake.motion.sketches import Directions
 from motionlake.stages.reader import LakeReader
-from motionlake.stages.shortlist_before import GROWN
+from motionlake.stages.shortlist_before import (
+    GROWN,
+    Staying,
+    as_named,
+    files_by_part,
+    named,
+    rows_by_file,
+    staying,
+    take_over,
+)
 from motionlake.stages.shortlist_files import (
     CLIPS,
     HALF,
     Made,
+    Places,
     file_of,
     is_of_windows,
     read_clips,
@@ -37,15 +46,7 @@ from motionlake.stages.shortlist_files import (
     write_array,
     write_directions,
 )
-from motionlake.stages.shortlist_pieces import (
-    Kind,
-    Pieces,
-    PieceWriter,
-    RowPlaces,
-    pieces_left,
-    serving,
-    written_anew,
-)
+from motionlake.stages.shortlist_pieces import Kind, Pieces, PieceWriter, RowPlaces, pieces_left
 from motionlake.stages.stage import Shard
 from motionlake.stages.submotions import SUBMOTIONS
 from numpy.typing import NDArray
@@ -120,33 +121,20 @@ def _array(path: Path) -> NDArray[Any]:
 
 
 @dataclass(frozen=True)
-class _Before:
-    """What of an earlier shortlist's windows serves on.
-
-    Attributes:
-        windows: all that it has.
-        old, new: [m] rows of the clips that stay, there and now.
-        pieces: that go on serving, and the rows of each.
-    """
+class _Before(Staying):
+    """What of an earlier shortlist's windows serves on: all that it has."""
 
     windows: ShortlistWindows
-    old: Int64Array
-    new: Int64Array
-    pieces: Mapping[str, int]
 
     @staticmethod
     def of(lake: Lake, files: Sequence[str], kind: str | None, clips: pa.Table) -> _Before | None:
         """None where all windows must be read: directions are fitted anew where the lake has grown much since."""
-        found = ShortlistWindows.open(lake, files, kind)
-        if found is None or len(clips) > GROWN * int(said_of(found.clips)[FITTED]):
+        there = ShortlistWindows.open(lake, files, kind)
+        if there is None or len(clips) > GROWN * int(said_of(there.clips)[FITTED]):
             return None
-        held = np.diff(found.starts)
-        known = {pair: row for row, pair in enumerate(zip(*_names(found.clips), strict=True)) if held[row]}
-        pairs = enumerate(zip(*_names(clips), strict=True))
-        old, new = np.array([(known[pair], row) for row, pair in pairs if pair in known]).reshape(-1, 2).T
-        written = json.loads(said_of(found.clips)[WRITTEN])
-        kept = serving(written, RowPlaces.of(found.clips, PIECES), old, len(clips) - len(old))
-        return _Before(found, old, new, dict(zip(found.pieces[:kept], written, strict=False))) if kept else None
+        held, written = np.diff(there.starts), json.loads(said_of(there.clips)[WRITTEN])
+        found = staying(there.clips, clips, PIECES, files, written, lambda row, _: bool(held[row]))
+        return None if found is None else _Before(found.old, found.new, found.pieces, there)
 
 
 def windows_to_read(at: LakeReader, there: Sequence[str], clips: pa.Table) -> dict[str, Any]:
@@ -156,8 +144,7 @@ def windows_to_read(at: LakeReader, there: Sequence[str], clips: pa.Table) -> di
     before = _Before.of(at.lake, own, kind_of(at.con), clips)
     if before is None:
         return {"windows": files}
-    parts = dict.fromkeys(compress(clips["part"].to_pylist(), _others(before, len(clips))))
-    return {"windows": {part: files[part] for part in parts if part in files}, "windows before": own}
+    return {"windows": files_by_part(files, clips, before.others(len(clips))), **as_named("windows", own, before)}
 
 
 def vectors_of_parts(at: LakeReader) -> dict[str, str]:
@@ -165,23 +152,25 @@ def vectors_of_parts(at: LakeReader) -> dict[str, str]:
     return {part.part: SUBMOTIONS.file(part.key) for part in SUBMOTIONS.made(at)}
 
 
-def windows_of_clips(at: LakeReader, shard: Shard, clips: pa.Table) -> Made:
+def windows_of_clips(at: LakeReader, shard: Shard, clips: pa.Table, places: Places) -> Made:
     """Those of all clips: of [n] clip and part. The shard says what is read, as `windows_to_read` does."""
     kind, read = kind_of(at.con), shard.spec["windows"]
-    before = _Before.of(at.lake, shard.spec.get("windows before", ()), kind, clips)
+    before = _Before.of(at.lake, named(shard.spec, "windows"), kind, clips)
     if before is None:
         (directions, steps), fitted = _fitted(at.lake, list(read.values())), len(clips)
     else:
         there = before.windows
         directions, steps, fitted = there.directions, there.steps, int(said_of(there.clips)[FITTED])
-    wanted = _wanted(read, clips, _others(before, len(clips)))
-    places, starts = RowPlaces.empty(len(clips)), _starts(at.lake, wanted, before, len(clips))
+    others = np.ones(len(clips), dtype=np.bool_) if before is None else before.others(len(clips))
+    wanted = rows_by_file(read, clips, others)
+    held, starts = RowPlaces.empty(len(places)), _starts(at.lake, wanted, before, len(clips))
     kept = np.empty((starts[-1], DIRECTIONS), dtype=np.int8)  # filled in place: of a large lake it has 400 MB
     serve = {} if before is None else before.pieces
     number = len(serve)
-    with PieceWriter(at.lake, file_of(shard.key, PIECES.file(number)), number, places) as writer:
+    with PieceWriter(at.lake, file_of(shard.key, PIECES.file(number)), number, held) as writer:
         if before is not None:
-            _take_over(before, starts, kept, places, writer)
+            _take_over(before, starts, kept)
+            take_over(before, RowPlaces.of(before.windows.clips, PIECES), before.windows.rows, held, writer)
         for file, rows in wanted.items():
             _read(sound(at.lake, file), rows, directions, starts, kept, writer)
     pieces, listed = pieces_left(at.lake, serve, writer), listed_in(at.con) if serve else {}
@@ -192,28 +181,7 @@ def windows_of_clips(at: LakeReader, shard: Shard, clips: pa.Table) -> Made:
         *pieces,
     ]
     said = {KIND: str(kind), FITTED: str(fitted), WRITTEN: json.dumps(list(pieces.values()))}
-    return Made(places.columns(PIECES), files, said, [listed[file] for file in serve])
-
-
-def _others(before: _Before | None, clips: int) -> BoolArray:
-    """[n] which clips are to be read."""
-    found = np.ones(clips, dtype=np.bool_)
-    if before is not None:
-        found[before.new] = False
-    return found
-
-
-def _wanted(files: Mapping[str, str], clips: pa.Table, others: BoolArray) -> dict[str, dict[str, int]]:
-    """The rows of some clips, by name, of the file of each part: one may hold more, which are other parts' by now."""
-    found: dict[str, dict[str, int]] = {}
-    for row, (clip, part) in enumerate(zip(*_names(clips), strict=True)):
-        if others[row] and part in files:
-            found.setdefault(files[part], {})[clip] = row
-    return found
-
-
-def _names(table: pa.Table) -> tuple[list[str], list[str]]:
-    return table["clip"].to_pylist(), table["part"].to_pylist()
+    return Made(held.columns(PIECES), files, said, [listed[file] for file in serve])
 
 
 def _starts(lake: Lake, wanted: Mapping[str, Mapping[str, int]], before: _Before | None, clips: int) -> Int64Array:
@@ -232,18 +200,11 @@ def _runs(held: pa.Table, rows: Mapping[str, int]) -> Iterator[tuple[int, slice]
     yield from ((rows[clip], run) for clip, run in runs_of(held["clip"]) if clip in rows)
 
 
-def _take_over(
-    before: _Before, starts: Int64Array, kept: NDArray[np.int8], places: RowPlaces, writer: PieceWriter
-) -> None:
-    """Those of the clips that stay; what lies in pieces that do not go on serving is written."""
+def _take_over(before: _Before, starts: Int64Array, kept: NDArray[np.int8]) -> None:
+    """Write the numbers of the windows of clips that stay where those of each begin."""
     found = before.windows
     for old, new in zip(before.old.tolist(), before.new.tolist(), strict=True):
         kept[starts[new] : starts[new + 1]] = found.numbers[found.starts[old] : found.starts[old + 1]]
-    places.take(before.new, RowPlaces.of(found.clips, PIECES), before.old)
-    moved = written_anew(places, before.new, len(before.pieces))
-    olds, rows = before.old[moved], before.new[moved]
-    for row, held in zip(rows.tolist(), found.rows.of(olds) if len(olds) else (), strict=True):
-        writer.add(row, held)
 
 
 def _read(
