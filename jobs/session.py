@@ -218,6 +218,7 @@ def session(
         collect_garbage(lake, FOLDERS)
         if not damaged:
             bring_macros(lake)
+        before = version(lake)
         try:
             with ExitStack() as stack, nullcontext() if damaged else deferred(lake):
                 shared = SharedProgress(lake, progress)
@@ -227,5 +228,6 @@ def session(
             with suppress(Exception):  # what has gone wrong is told, not what came of it
                 collect_garbage(lake, FOLDERS)
             raise
-        collect_garbage(lake, FOLDERS)
+        if version(lake) != before:  # nothing is left behind without being entered, be it as failed
+            collect_garbage(lake, FOLDERS)
         keep_records(lake)

@@ -33,10 +33,12 @@ from motionlake.retrieval.protocol import LakeSearcher, Query, Scope
 from motionlake.retrieval.registry import searcher
 from motionlake.retrieval.shortlist_methods import METHODS
 from motionlake.stages import shortlist_moves
+from motionlake.stages.moves import read_tracks
 from motionlake.stages.postures import codes_of_clips
 from motionlake.stages.reader import lake_reader
 from motionlake.stages.shortlist import COMPARED, SHORTLIST
-from motionlake.stages.shortlist_files import MOVE_PIECES, ShortlistFiles
+from motionlake.stages.shortlist_files import MOVES as PIECES
+from motionlake.stages.shortlist_files import ShortlistFiles
 from motionlake.threads import limited
 
 from tests.lakes import Changed, files, motionlake, query
@@ -175,27 +177,35 @@ def test_pieces_are_found_as_in_a_small_lake(large: Path, clips_folder: Path, me
         assert ours == exact
 
 
-def assert_postures_are_those_of_parts(root: Path) -> None:
+def assert_rows_are_those_of_parts(root: Path) -> None:
     lake = open_lake(root)
     opened = ShortlistFiles.open(lake, [str(path.relative_to(root)) for path in root.glob("shortlist/*")])
-    names = opened.table["clip"].to_pylist()
-    assert opened.postures is not None
+    names, parts = (opened.table[name].to_pylist() for name in ("clip", "part"))
     with reading(lake) as con:
-        wanted = codes_of_clips(con, lake, opened.models["alignment"], names)
-    assert wanted
-    for clip, codes in zip(names, opened.postures.of(np.arange(len(names))), strict=True):
-        np.testing.assert_array_equal(codes, wanted.get(clip, np.zeros(0, dtype=np.int32)))
+        codes = codes_of_clips(con, lake, opened.models["alignment"], names)
+    tracks = read_tracks(lake, dict(zip(names, parts, strict=True)))
+    for held, wanted in ((opened.postures, codes), (opened.joints, {clip: tracks.joints(clip) for clip in tracks})):
+        assert held is not None
+        assert wanted
+        for clip, rows in zip(names, held.of(np.arange(len(names))), strict=True):
+            np.testing.assert_array_equal(rows, wanted.get(clip, rows[:0]))
 
 
-def test_answers_of_alignment_are_told_by_the_shortlist(large: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The postures in it are those of parts, which a search does not read."""
-    assert_postures_are_those_of_parts(large)
+@pytest.mark.parametrize(
+    ("method", "read"),
+    [("alignment", "retrieval.symbol_strings.codes_of_clips"), ("moves", "stages.moves.read_tracks")],
+)
+def test_answers_are_told_by_the_shortlist(
+    large: Path, method: str, read: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The postures and joints in it are those of parts, which a search does not read."""
+    assert_rows_are_those_of_parts(large)
     ((clip, frames, fps),) = longest(large, 1)
     asked = Query(clip, 0, min(frames, int(1.5 * fps)))
-    (wanted, _) = by_words(large, "alignment", asked, Scope())
-    monkeypatch.setattr("motionlake.retrieval.symbol_strings.codes_of_clips", None)
+    (wanted, _) = by_words(large, method, asked, Scope())
+    monkeypatch.setattr(f"motionlake.{read}", None)
     with few():
-        assert searcher("range", "alignment", open_lake(large)).search([asked], 5) == [wanted]
+        assert searcher("range", method, open_lake(large)).search([asked], 5) == [wanted]
 
 
 @pytest.mark.parametrize("method", ["alignment", "moves"])
@@ -378,8 +388,13 @@ def test_a_large_lake_of_which_clips_leave(large: Path, tmp_path: Path, schedule
         assert motionlake("run", "shortlist", "--lake", root, "--scheduler", scheduler).status == 0
     after = {name for name in files(root) if name.startswith("shortlist/")}
     assert len(after) == len(before)
-    assert {name.partition("-")[2] for name in after & before} == {"moves.f16", "postures.codes", "windows.rows"}
-    assert_postures_are_those_of_parts(root)
+    assert {name.partition("-")[2] for name in after & before} == {
+        "moves.f16",
+        "postures.codes",
+        "joints.joints",
+        "windows.rows",
+    }
+    assert_rows_are_those_of_parts(root)
     assert_alike(*both(root, Query(clip), 5, Scope()))
     assert motionlake("verify", "--deep", "--lake", root).status == 0
 
@@ -402,7 +417,7 @@ def test_moves_of_clips_that_come_are_added(
         assert len(read) == 1
         assert [path.name.partition("-")[2] for path in pieces(root)] == ["moves.f16", "moves-1.f16"]
         assert pieces(root)[0] == first
-        assert_postures_are_those_of_parts(root)
+        assert_rows_are_those_of_parts(root)
     assert motionlake("verify", "--deep", "--lake", root).status == 0
     new = [row[0] for row in query(root, "SELECT clip FROM clips WHERE dataset LIKE 'night%' ORDER BY clip")]
     for asked in (clip, *new):
@@ -439,7 +454,7 @@ def test_a_lake_that_has_grown_by_half_is_looked_at_anew(
 
 def pieces(root: Path) -> list[Path]:
     files = [str(path.relative_to(root)) for path in root.glob("shortlist/*")]
-    return [root / file for file in MOVE_PIECES.among(files)]
+    return [root / file for file in PIECES.among(files)]
 
 
 def moves_read(patched: pytest.MonkeyPatch) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cache
 from typing import Final
 
@@ -20,7 +20,7 @@ from motionlake.retrieval.encode import query_motion
 from motionlake.retrieval.hits import Hit, Match, clip_hit, range_hit
 from motionlake.retrieval.matched import asked_frames, matched_moves
 from motionlake.retrieval.protocol import ClipFilter, Finds, LakeSearcher, Query, Scope, about, not_ready
-from motionlake.stages.moves import joints_of, read_tracks
+from motionlake.stages.moves import Tracks, joints_of, read_tracks
 
 TOGETHER: Final = 512  # clips whose places are looked for at once
 THREADS: Final = 2
@@ -31,22 +31,21 @@ class _Tracks(LakeSearcher):
 
     name = "moves"
 
-    def __init__(self, lake: Lake, some: Mapping[str, tuple[CorpusClip, str]] | None = None) -> None:
-        """Of the whole lake, or of some of its clips, given what is known of each, and its part, by name.
+    def __init__(self, lake: Lake, some: tuple[Sequence[CorpusClip], Tracks] | None = None) -> None:
+        """Of the whole lake, or of some of its clips, given what is known of them, and tracks.
 
         Raises:
             UserError: it has no moves yet.
         """
         super().__init__(lake)
-        with reading(lake) as con:
-            if some is None:
+        if some is None:
+            with reading(lake) as con:
                 rows = fetch(con, "clips_with_parts")
                 parts = {row["clip"]: row.pop("part") for row in rows}
-                clips = [CorpusClip(**row) for row in rows]
-            else:
-                parts = {clip: part for clip, (_, part) in some.items()}
-                clips = [some[clip][0] for clip in sorted(some)]
-            self._tracks = read_tracks(lake, parts)
+                self._tracks = read_tracks(lake, parts)
+            clips = [CorpusClip(**row) for row in rows]
+        else:
+            clips, self._tracks = sorted(some[0], key=lambda clip: clip.clip), some[1]
         if not self._tracks:
             raise UserError(f"{lake.root}: has no moves yet; make them with `motionlake run all`")
         self.clips = [clip for clip in clips if clip.clip in self._tracks]

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from motionlake.pesta.strings import SymbolDistances
     from motionlake.retrieval.alignment import AlignmentRangeSearcher
     from motionlake.retrieval.moves import MovesRangeSearcher
+    from motionlake.stages.moves import Tracks
 
 CLIPS: Final = {"alignment": 300, "moves": 64}  # that are compared
 
@@ -60,14 +61,21 @@ class NarrowedSearcher(LakeSearcher):
         if self.name == "moves":
             from motionlake.retrieval.moves import MovesRangeSearcher
 
-            parts = self._clips.parts_of(rows)
-            return MovesRangeSearcher(
-                self.lake, {clip.clip: (clip, parts[clip.clip]) for clip in self._clips.facts_of(rows)}
-            )
+            return MovesRangeSearcher(self.lake, (self._clips.facts_of(rows), self._tracks(rows)))
         from motionlake.retrieval.alignment import AlignmentRangeSearcher
 
         codes = None if self._clips.files.postures is None else self._codes
         return AlignmentRangeSearcher(self.lake, strings=self._strings(rows), codes=codes)
+
+    def _tracks(self, rows: Int64Array) -> Tracks:
+        """Of the clips of some rows."""
+        from motionlake.stages.moves import Tracks, read_tracks
+
+        joints = self._clips.files.joints
+        if joints is None:
+            return read_tracks(self.lake, self._clips.parts_of(rows))
+        found = zip(self._clips.facts_of(rows), joints.of(rows), strict=True)
+        return Tracks({clip.clip: own for clip, own in found if len(own)})
 
     def _codes(self, clips: Sequence[str]) -> dict[str, Int32Array]:
         """[T] symbols of the postures of clips, as the shortlist keeps them; without clips that have none there."""

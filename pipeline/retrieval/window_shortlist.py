@@ -23,7 +23,7 @@ from motionlake.retrieval.protocol import Scope
 from motionlake.retrieval.window_vectors import nearest_among
 from motionlake.stages.mapped_part import lists_of
 from motionlake.stages.shortlist_files import CLIPS
-from motionlake.stages.shortlist_windows import ROW, ShortlistWindows, kind_of
+from motionlake.stages.shortlist_windows import PIECES, ShortlistWindows, kind_of
 from numpy.typing import NDArray
 
 SPARE: Final = 30  # clips that are compared beyond those that are asked for
@@ -76,7 +76,7 @@ class WindowShortlist:
     def _rows(self, clips: Int64Array) -> pa.Table:
         """The windows of some clips, by row, with vectors in single precision."""
         held, names = self._windows.rows.of(clips), self._windows.clips["clip"]
-        windows = np.concatenate([np.zeros(0, dtype=ROW), *held])
+        windows = np.concatenate([np.zeros(0, dtype=PIECES.row), *held])
         named = [names[row].as_py() for row in clips.tolist()]
         columns = [
             texts([name for name, own in zip(named, held, strict=True) for _ in own]),

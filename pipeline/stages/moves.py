@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -103,7 +104,12 @@ def read_tracks(lake: Lake, parts: Mapping[str, str]) -> Tracks:
 
 def joints_in(lake: Lake, file: str) -> Iterator[tuple[str, Float32Array]]:
     """Clips of a part with their joints [N, 45]. Raises `DamagedError` where it is not as it was written."""
-    yield from read_rows(sound(lake, file), JOINTS)
+    yield from read_joints(sound(lake, file))
+
+
+def read_joints(path: Path) -> Iterator[tuple[str, Float32Array]]:
+    """The same of the file of a part."""
+    yield from read_rows(path, JOINTS)
 
 
 def tracks_in(lake: Lake, file: str) -> Iterator[tuple[str, Track]]:

@@ -27,7 +27,6 @@ from motionlake.lake.layout import Lake
 from motionlake.motion.moves import KIND
 from motionlake.motion.sketches import Directions, searchable
 from motionlake.stages.graph import SOURCES, made_keys
-from motionlake.stages.postures import POSTURES
 from motionlake.stages.reader import LakeReader, lake_reader
 from motionlake.stages.shortlist_files import (
     CLIPS,
@@ -46,13 +45,13 @@ from motionlake.stages.shortlist_files import (
     write_directions,
 )
 from motionlake.stages.shortlist_moves import moves_of_clips, moves_of_parts, moves_to_read
-from motionlake.stages.shortlist_postures import postures_of_clips, postures_of_parts, postures_to_read
+from motionlake.stages.shortlist_rows import ROWS
 from motionlake.stages.shortlist_windows import vectors_of_parts, windows_of_clips, windows_to_read
 from motionlake.stages.stage import PartStage, Shard, ShardResult, ShardStage, live_parts
 from motionlake.stages.submotions import SUBMOTIONS
 
 COMPARED: Final[Mapping[str, PartStage]] = {method: SOURCES[method] for method in WIDTHS}
-KEPT: Final[Mapping[str, PartStage]] = {**COMPARED, "windows": SUBMOTIONS, "postures": POSTURES}
+KEPT: Final[Mapping[str, PartStage]] = {**COMPARED, "windows": SUBMOTIONS, **{rows.name: rows.stage for rows in ROWS}}
 BLOCK: Final = 4096  # clips whose sketches are made at a time
 WORDS: Final = 16_384  # clips the motifs of whose words are read at a time
 
@@ -61,10 +60,10 @@ class Shortlist(ShardStage):
     """One shard for the whole lake."""
 
     name = "shortlist"
-    version = 8  # with the vectors of windows, and postures
+    version = 8  # with the vectors of windows, postures and joints
     about = "short vectors by which the search of a large lake chooses the clips that it compares"
     reads_catalog = True
-    upstream = (*(stage.name for stage in COMPARED.values()), SUBMOTIONS.name, POSTURES.name)
+    upstream = tuple(dict.fromkeys(stage.name for stage in KEPT.values()))
     folders = (FOLDER,)
 
     def due(self, at: LakeReader) -> int:
@@ -97,7 +96,7 @@ class Shortlist(ShardStage):
         key = config_hash(self.name, self.version, KIND, made, clips["digest"])
         read = {
             "moves": list(moves_of_parts(at).values()), "windows": vectors_of_parts(at),
-            "postures": postures_of_parts(at),
+            **{rows.name: rows.of_parts(at) for rows in ROWS},
         }  # fmt: skip
         # Named by its datasets: it serves on where a part of them leaves the lake.
         datasets = "+".join(sorted({part.dataset for part in live}))
@@ -222,6 +221,6 @@ def _lists(counts: Any, values: Any) -> pa.Array:
 
 MAKE: Final[Mapping[str, Callable[[LakeReader, Shard, pa.Table, Places], Made]]] = {
     "signature": _by_signature, "alignment": _by_alignment, "moves": moves_of_clips, "windows": windows_of_clips,
-    "postures": postures_of_clips,
+    **{rows.name: rows.of_clips for rows in ROWS},
 }  # fmt: skip
-TO_READ: Final = {"moves": moves_to_read, "windows": windows_to_read, "postures": postures_to_read}
+TO_READ: Final = {"moves": moves_to_read, "windows": windows_to_read, **{rows.name: rows.to_read for rows in ROWS}}

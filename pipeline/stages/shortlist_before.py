@@ -13,7 +13,8 @@ import pyarrow as pa
 from motionlake.arrays import BoolArray, Int64Array
 from motionlake.lake.layout import Lake
 from motionlake.motion.moves import KIND
-from motionlake.stages.shortlist_files import MOVE_PIECES, read_clips, said_of
+from motionlake.stages.shortlist_files import MOVES as PIECES
+from motionlake.stages.shortlist_files import read_clips, said_of
 from motionlake.stages.shortlist_pieces import Kind, Pieces, PieceWriter, RowPlaces, serving
 
 GROWN: Final = 1.5  # times as many clips as directions were fitted to; of more they are fitted anew
@@ -137,7 +138,7 @@ class MovesBefore(Staying):
         def still(_: int, part: str) -> bool:
             return moves.get(part) in known
 
-        found = staying(table, clips, MOVE_PIECES, files, json.loads(said[FRAMES]), still)
+        found = staying(table, clips, PIECES, files, json.loads(said[FRAMES]), still)
         return None if found is None else MovesBefore(found.old, found.new, found.pieces, int(said[FITTED]))
 
 

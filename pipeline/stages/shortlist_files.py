@@ -19,18 +19,25 @@ from motionlake.errors import UserError
 from motionlake.lake.integrity import FileSums, sound_files
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import replacing
+from motionlake.motion.moves import WIDTH
+from motionlake.motion.skeleton import COMMON
 from motionlake.motion.sketches import Directions, instants
-from motionlake.stages.shortlist_pieces import Kind, Pieces, RowPlaces
+from motionlake.stages.shortlist_pieces import Kind, Pieces
 from numpy.typing import NDArray
 
 MOST: Final = 20_000  # clips of a lake up to which a search compares all of them
 FOLDER: Final = "shortlist"
 CLIPS: Final = "clips.arrow"
-MOVE_PIECES: Final = Kind("moves", ".f16", ("piece", "start", "frames", "crc32"))
-POSTURE_PIECES: Final = Kind("postures", ".codes", ("postures_piece", "postures_start", "postures", "postures_crc32"))
-PIECES: Final = (MOVE_PIECES.suffix, POSTURE_PIECES.suffix)
 HALF: Final = np.dtype("<f2")
-CODE: Final = np.dtype("<i4")
+MOVES: Final = Kind("moves", ".f16", ("piece", "start", "frames", "crc32"), np.dtype((HALF, (WIDTH,))))
+POSTURES: Final = Kind(
+    "postures", ".codes", ("postures_piece", "postures_start", "postures", "postures_crc32"), np.dtype("<i4")
+)
+JOINTS: Final = Kind(
+    "joints", ".joints", ("joints_piece", "joints_start", "joints", "joints_crc32"),
+    np.dtype(("<f4", (3 * len(COMMON),))),
+)  # fmt: skip
+PIECES: Final = (MOVES.suffix, POSTURES.suffix, JOINTS.suffix)
 INSTANTS: Final = 12  # of the moves of a clip, for its sketch and for its outline
 CODES: Final = 16  # of its postures
 WIDTHS: Final[Mapping[str, int]] = {"signature": 32, "alignment": 64, "moves": 64}  # of sketches, by method
@@ -192,18 +199,22 @@ class ShortlistFiles:
 
     @cached_property
     def moves(self) -> Pieces:
-        """The moves of clips, a frame a row [D] in half precision."""
-        width = int(self.arrays["outlines-directions"].shape[0])
-        places = RowPlaces.of(self.table, MOVE_PIECES)
-        return Pieces(self.lake, MOVE_PIECES.among(self.files), places, np.dtype((HALF, (width,))))
+        """The moves of clips."""
+        return Pieces(self.lake, self.files, self.table, MOVES)
 
     @cached_property
     def postures(self) -> Pieces | None:
         """The codes of the frames of clips; None where an earlier version made the shortlist."""
-        if POSTURE_PIECES.columns[0] not in self.table.column_names:
-            return None
-        places = RowPlaces.of(self.table, POSTURE_PIECES)
-        return Pieces(self.lake, POSTURE_PIECES.among(self.files), places, CODE)
+        return self._pieces(POSTURES)
+
+    @cached_property
+    def joints(self) -> Pieces | None:
+        """The joints that moves are of; as `postures`."""
+        return self._pieces(JOINTS)
+
+    def _pieces(self, kind: Kind) -> Pieces | None:
+        there = kind.columns[0] in self.table.column_names
+        return Pieces(self.lake, self.files, self.table, kind) if there else None
 
 
 def said_of(table: pa.Table) -> dict[str, str]:

@@ -25,7 +25,6 @@ from motionlake.stages.shortlist_before import (
 from motionlake.stages.shortlist_files import (
     HALF,
     INSTANTS,
-    MOVE_PIECES,
     SAMPLE,
     WIDTHS,
     Made,
@@ -35,6 +34,9 @@ from motionlake.stages.shortlist_files import (
     no_sketches,
     write_array,
     write_directions,
+)
+from motionlake.stages.shortlist_files import (
+    MOVES as PIECES,
 )
 from motionlake.stages.shortlist_pieces import PieceWriter, RowPlaces, pieces_left
 from motionlake.stages.stage import Shard
@@ -77,7 +79,7 @@ class _Moves:
         """Those of the clips that stay."""
         self.sketches[before.new] = files.arrays["moves-sketches"][before.old]
         self.outlines[before.new] = files.arrays["moves-outlines"][before.old]
-        take_over(before, RowPlaces.of(files.table, MOVE_PIECES), files.moves, self.frames, writer)
+        take_over(before, RowPlaces.of(files.table, PIECES), files.moves, self.frames, writer)
 
     def write(self, lake: Lake, key: str) -> list[str]:
         return [
@@ -111,11 +113,11 @@ def _all_moves(at: LakeReader, shard: Shard, places: Places) -> Made:
     some = list(_some_moves(at.lake, files, places))
     directions = Directions.of(np.stack([instants(moves, INSTANTS).ravel() for moves in some]), WIDTHS["moves"])
     kept = _Moves(places, directions, Directions.of(np.concatenate(some), DIRECTIONS, centred=False))
-    with PieceWriter(at.lake, file_of(shard.key, MOVE_PIECES.file(0)), 0, kept.frames) as writer:
+    with PieceWriter(at.lake, file_of(shard.key, PIECES.file(0)), 0, kept.frames) as writer:
         for file in files:
             kept.add(at.lake, file, places, writer)
     said = said_of_moves(LAYOUT, len(places), files, [writer.written])
-    return Made(kept.frames.columns(MOVE_PIECES), [*kept.write(at.lake, shard.key), writer.file], said)
+    return Made(kept.frames.columns(PIECES), [*kept.write(at.lake, shard.key), writer.file], said)
 
 
 def _more_moves(at: LakeReader, shard: Shard, places: Places, before: MovesBefore) -> Made:
@@ -124,13 +126,13 @@ def _more_moves(at: LakeReader, shard: Shard, places: Places, before: MovesBefor
     kept = _Moves(places, files.directions("moves"), files.directions("outlines"))
     number, names = len(before.pieces), list(places)
     others = set(names) - {names[row] for row in before.new.tolist()}
-    with PieceWriter(at.lake, file_of(shard.key, MOVE_PIECES.file(number)), number, kept.frames) as writer:
+    with PieceWriter(at.lake, file_of(shard.key, PIECES.file(number)), number, kept.frames) as writer:
         kept.take_over(files, before, writer)
         for file in shard.spec["moves"]:
             kept.add(at.lake, file, others, writer)
     pieces, listed = pieces_left(at.lake, before.pieces, writer), listed_in(at.con)
     return Made(
-        kept.frames.columns(MOVE_PIECES), [*kept.write(at.lake, shard.key), *pieces],
+        kept.frames.columns(PIECES), [*kept.write(at.lake, shard.key), *pieces],
         said_of_moves(LAYOUT, before.fitted, list(moves_of_parts(at).values()), list(pieces.values())),
         [listed[file] for file in before.pieces],
     )  # fmt: skip

@@ -39,11 +39,13 @@ class Kind:
         name: how the names of the files begin, as in "moves.f16", "moves-1.f16".
         suffix: how they end.
         columns: of the table of clips: the piece, the first row in it, how many rows, their CRC-32.
+        row: what a row is.
     """
 
     name: str
     suffix: str
     columns: tuple[str, str, str, str]
+    row: np.dtype[Any]
 
     def file(self, number: int) -> str:
         """How the name of a piece ends, from 0."""
@@ -123,13 +125,14 @@ class Pieces:
 
     Args:
         lake: the lake.
-        files: of the pieces, by number.
-        places: where the rows of each clip lie.
-        row: what a row is.
+        files: of a shortlist.
+        table: of its clips.
+        kind: of the pieces.
     """
 
-    def __init__(self, lake: Lake, files: Sequence[str], places: RowPlaces, row: np.dtype[Any]) -> None:
-        self._lake, self._files, self._places, self._row = lake, files, places, row
+    def __init__(self, lake: Lake, files: Sequence[str], table: pa.Table, kind: Kind) -> None:
+        self._lake, self._files, self._row = lake, kind.among(files), kind.row
+        self._places = RowPlaces.of(table, kind)
         self._maps: dict[int, mmap] = {}
         self._mapped: dict[int, NDArray[Any]] = {}
 

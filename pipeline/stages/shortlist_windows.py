@@ -55,8 +55,10 @@ DIRECTIONS: Final = 128
 LARGEST: Final = 127
 SMALLEST: Final = 1e-3  # of the longest step, how long each is at least: few windows differ along few directions
 SPREAD: Final = 16  # parts whose windows directions are fitted to
-PIECES: Final = Kind("windows", ".rows", ("windows_piece", "windows_start", "windows", "windows_crc32"))
-ROW: Final = np.dtype([("start", "<i4"), ("stop", "<i4"), ("vector", HALF, (DIMENSION,))])
+PIECES: Final = Kind(
+    "windows", ".rows", ("windows_piece", "windows_start", "windows", "windows_crc32"),
+    np.dtype([("start", "<i4"), ("stop", "<i4"), ("vector", HALF, (DIMENSION,))]),
+)  # fmt: skip
 KIND: Final = "windows"  # names in what a table of clips says of itself
 FITTED: Final = "windows fitted"
 WRITTEN: Final = "windows written"
@@ -79,7 +81,7 @@ class ShortlistWindows:
         directions: along which places are whole numbers of steps, from -127 to 127.
         steps: [DIRECTIONS] how long a step is; short where windows differ little, else rounding would hide near ones.
         clips: the table of the shortlist's clips.
-        rows: their bounds and vectors (`ROW`).
+        rows: their bounds and vectors.
         pieces: the files of these.
     """
 
@@ -107,7 +109,7 @@ class ShortlistWindows:
             return None
         mean, matrix, steps, places = map(_array, sound_files(lake, sorted(own, key=_order)))
         starts = np.concatenate([[0], np.cumsum(numbers(clips[KIND]), dtype=np.int64)])
-        rows = Pieces(lake, pieces, RowPlaces.of(clips, PIECES), ROW)
+        rows = Pieces(lake, pieces, clips, PIECES)
         return ShortlistWindows(places, starts, Directions(mean, matrix), steps, clips, rows, pieces)
 
 
@@ -213,7 +215,7 @@ def _read(
 ) -> None:  # fmt: skip
     """Write the windows of some clips of a part, and their numbers where those of each begin."""
     held = read_parquet(path, ["clip", "start", "stop", "descriptor"])
-    windows = np.empty(len(held), dtype=ROW)
+    windows = np.empty(len(held), dtype=PIECES.row)
     windows["start"], windows["stop"], windows["vector"] = numbers(held["start"]), numbers(held["stop"]), _vectors(held)
     for row, run in _runs(held, rows):
         along = directions.project(windows["vector"][run].astype(np.float32))
