@@ -47,6 +47,9 @@ def test_bounds(seed: int, lengths: list[int], n_words: int, motifs: int) -> Non
     held = np.flatnonzero(signed)
     seen = held[np.argsort(-signed[held], kind="stable")][:MOTIFS]
     found = bounds.of_clips(words)
+    assert (bounds.roughly_of_clips(words) <= found).all()
+    some = np.random.default_rng(seed).permutation(len(found))[: 1 + seed % len(found)]
+    np.testing.assert_array_equal(bounds.of_clips(words, some), found[some])
     for clip, length in enumerate(lengths):
         if not length:
             assert np.isinf(found[clip])

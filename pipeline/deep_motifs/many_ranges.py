@@ -21,6 +21,7 @@ from motionlake.deep_motifs.query_by_example import (
     nearest_apart,
 )
 from motionlake.deep_motifs.range_bounds import WindowBounds, WordMotifs
+from motionlake.refined import refined
 
 # The frames [v, 2] that words [first, last) of clips [v] cover.
 FramesOf = Callable[[Int64Array, Int64Array, Int64Array], Int64Array]
@@ -57,8 +58,7 @@ class ManyWords:
             without: (clip, start, stop): windows of that clip that overlap these frames are left out.
         """
         sides = self._sides(query)
-        bounds = np.min([side.of_clips(self.words) for side in sides], axis=0)
-        bounds[~admitted] = np.inf
+        bounds = self._bounds(sides, AHEAD * k, admitted)
         there = int(np.isfinite(bounds).sum())
         count = min(AHEAD * k, there)
         # Every window that is no farther than `enough` is among those that are compared.
@@ -80,14 +80,23 @@ class ManyWords:
 
     def clips_near(self, query: ExampleQuery, count: int, admitted: BoolArray) -> Int64Array:
         """So many clips, by index, whose windows may be nearest to a query, by the bounds of their distances."""
-        bounds = np.min([side.of_clips(self.words) for side in self._sides(query)], axis=0)
-        bounds[~admitted] = np.inf
+        bounds = self._bounds(self._sides(query), count, admitted)
         there = np.flatnonzero(np.isfinite(bounds))
         if len(there) <= count:
             return there
         farthest = np.partition(bounds[there], count - 1)[count - 1]
         nearer, alike = there[bounds[there] < farthest], there[bounds[there] == farthest]
         return np.sort(np.append(nearer, alike[: count - len(nearer)]))
+
+    def _bounds(self, sides: list[WindowBounds], count: int, admitted: BoolArray) -> Float32Array:
+        """[n] lower bounds of clips; those of the nearest, so many, are as great as can be told."""
+        rough = np.min([side.roughly_of_clips(self.words) for side in sides], axis=0)
+        rough[~admitted] = np.inf
+
+        def exact(clips: Int64Array) -> Float32Array:
+            return np.asarray(np.min([side.of_clips(self.words, clips) for side in sides], axis=0))
+
+        return refined(rough, count, exact)
 
     def _sides(self, query: ExampleQuery) -> list[WindowBounds]:
         """Bounds of the query, and of the mirrored query."""

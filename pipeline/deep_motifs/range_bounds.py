@@ -9,6 +9,7 @@ Means over a window are running sums. These are whole numbers, which do not drif
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 
 LANES: Final = 8  # of a table: the weight of a motif, its distance from the query, and those from single motifs
 MOTIFS: Final = LANES - 2  # that means of distances are taken from
+ROUGH: Final = 4  # lanes of which a rough bound takes note
 _LARGEST: Final = 1 << 24  # that a sum comes to: whole numbers up to it are exact in single precision
 _DIVIDED: Final = 1e-6  # relative error of a quotient, and some
 _THREADS: Final = 2
@@ -83,14 +85,26 @@ class WindowBounds:
         whole[:, 0] = np.maximum(whole[:, 0], 1)  # of a query of a million words a weight would be nothing
         return WindowBounds(whole, n_words)
 
-    def of_clips(self, words: WordMotifs) -> Float32Array:
-        """[n] the least bound of all windows of each clip; infinite where it has no words."""
-        found = np.full(len(words.offsets) - 1, np.inf, dtype=np.float32)
-        goals = np.linspace(0, len(words.motifs), _THREADS + 1)[1:-1]
-        edges = [0, *np.searchsorted(words.offsets, goals).tolist(), len(found)]
+    def of_clips(self, words: WordMotifs, clips: Int64Array | None = None) -> Float32Array:
+        """[c] the least bound of all windows of each of some clips, or of all; infinite where a clip has no words."""
+        chosen = np.arange(len(words.offsets) - 1) if clips is None else clips
+        return self._shared(_of_clips, self.table, words, chosen)
+
+    def roughly_of_clips(self, words: WordMotifs) -> Float32Array:
+        """[n] no more than `of_clips`, in half the time."""
+        chosen = np.arange(len(words.offsets) - 1)
+        return self._shared(_roughly_of_clips, np.ascontiguousarray(self.table[:, :ROUGH]), words, chosen)
+
+    def _shared(
+        self, kernel: Callable[..., None], table: Float32Array, words: WordMotifs, clips: Int64Array
+    ) -> Float32Array:
+        found = np.full(len(clips), np.inf, dtype=np.float32)
+        before = np.cumsum(words.counts(clips))
+        goals = np.linspace(0, before[-1] if len(before) else 0, _THREADS + 1)[1:-1]
+        edges = [0, *np.searchsorted(before, goals).tolist(), len(found)]
 
         def work(first: int, last: int) -> None:
-            _of_clips(self.table, words.motifs, words.offsets, first, last, self.n_words, found)
+            kernel(table, words.motifs, words.offsets, clips[first:last], self.n_words, found[first:last])
 
         with ThreadPoolExecutor(_THREADS) as pool:
             list(pool.map(work, edges[:-1], edges[1:]))
@@ -119,12 +133,12 @@ class WindowBounds:
 
 @njit(cache=True, nogil=True, fastmath={"nsz", "nnan"})
 def _of_clips(
-    table: Float32Array, motifs: NDArray[np.uint16], offsets: Int64Array, first: int, last: int, n_words: int,
+    table: Float32Array, motifs: NDArray[np.uint16], offsets: Int64Array, clips: Int64Array, n_words: int,
     found: Float32Array,
 ) -> None:  # fmt: skip
-    """Kernel of `of_clips`, for clips [first, last). The sums are written out, so that they stay in registers."""
-    for clip in range(first, last):
-        begin, end = offsets[clip], offsets[clip + 1]
+    """Kernel of `of_clips`. The sums are written out, so that they stay in registers."""
+    for place in range(len(clips)):
+        begin, end = offsets[clips[place]], offsets[clips[place] + 1]
         if begin == end:
             continue
         width = min(n_words, end - begin)
@@ -143,7 +157,33 @@ def _of_clips(
                 best = most / a
             a, b, c, d = a - gone[0], b - gone[1], c - gone[2], d - gone[3]
             e, f, g, h = e - gone[4], f - gone[5], g - gone[6], h - gone[7]
-        found[clip] = best
+        found[place] = best
+
+
+@njit(cache=True, nogil=True, fastmath={"nsz", "nnan"})
+def _roughly_of_clips(
+    table: Float32Array, motifs: NDArray[np.uint16], offsets: Int64Array, clips: Int64Array, n_words: int,
+    found: Float32Array,
+) -> None:  # fmt: skip
+    """Kernel of `roughly_of_clips`: the same by `ROUGH` lanes."""
+    for place in range(len(clips)):
+        begin, end = offsets[clips[place]], offsets[clips[place] + 1]
+        if begin == end:
+            continue
+        width = min(n_words, end - begin)
+        a = b = c = d = np.float32(0)
+        best = np.float32(1e30)
+        for at in range(begin, begin + width - 1):
+            row = table[motifs[at]]
+            a, b, c, d = a + row[0], b + row[1], c + row[2], d + row[3]
+        for at in range(begin + width - 1, end):
+            row, gone = table[motifs[at]], table[motifs[at - width + 1]]
+            a, b, c, d = a + row[0], b + row[1], c + row[2], d + row[3]
+            most = max(max(abs(c), abs(d)), b)
+            if most < best * a:
+                best = most / a
+            a, b, c, d = a - gone[0], b - gone[1], c - gone[2], d - gone[3]
+        found[place] = best
 
 
 @njit(cache=True, nogil=True)
