@@ -136,7 +136,8 @@ def _of_clips(
     table: Float32Array, motifs: NDArray[np.uint16], offsets: Int64Array, clips: Int64Array, n_words: int,
     found: Float32Array,
 ) -> None:  # fmt: skip
-    """Kernel of `of_clips`. The sums are written out, so that they stay in registers."""
+    """Kernel of `of_clips`. The sums are written out, so that they stay in registers; what a window gains and loses is
+    taken together, so that each waits for one addition alone."""
     for place in range(len(clips)):
         begin, end = offsets[clips[place]], offsets[clips[place] + 1]
         if begin == end:
@@ -144,19 +145,18 @@ def _of_clips(
         width = min(n_words, end - begin)
         a = b = c = d = e = f = g = h = np.float32(0)
         best = np.float32(1e30)
-        for at in range(begin, begin + width - 1):
+        for at in range(begin, begin + width):
             row = table[motifs[at]]
             a, b, c, d = a + row[0], b + row[1], c + row[2], d + row[3]
             e, f, g, h = e + row[4], f + row[5], g + row[6], h + row[7]
-        for at in range(begin + width - 1, end):
-            row, gone = table[motifs[at]], table[motifs[at - width + 1]]
-            a, b, c, d = a + row[0], b + row[1], c + row[2], d + row[3]
-            e, f, g, h = e + row[4], f + row[5], g + row[6], h + row[7]
+        for at in range(begin + width, end + 1):
             most = max(max(max(abs(c), abs(d)), max(abs(e), abs(f))), max(max(abs(g), abs(h)), b))
-            if most < best * a:
-                best = most / a
-            a, b, c, d = a - gone[0], b - gone[1], c - gone[2], d - gone[3]
-            e, f, g, h = e - gone[4], f - gone[5], g - gone[6], h - gone[7]
+            best = min(best, most / a)
+            if at == end:
+                break
+            row, gone = table[motifs[at]], table[motifs[at - width]]
+            a, b, c, d = a + (row[0] - gone[0]), b + (row[1] - gone[1]), c + (row[2] - gone[2]), d + (row[3] - gone[3])
+            e, f, g, h = e + (row[4] - gone[4]), f + (row[5] - gone[5]), g + (row[6] - gone[6]), h + (row[7] - gone[7])
         found[place] = best
 
 
@@ -173,16 +173,15 @@ def _roughly_of_clips(
         width = min(n_words, end - begin)
         a = b = c = d = np.float32(0)
         best = np.float32(1e30)
-        for at in range(begin, begin + width - 1):
+        for at in range(begin, begin + width):
             row = table[motifs[at]]
             a, b, c, d = a + row[0], b + row[1], c + row[2], d + row[3]
-        for at in range(begin + width - 1, end):
-            row, gone = table[motifs[at]], table[motifs[at - width + 1]]
-            a, b, c, d = a + row[0], b + row[1], c + row[2], d + row[3]
-            most = max(max(abs(c), abs(d)), b)
-            if most < best * a:
-                best = most / a
-            a, b, c, d = a - gone[0], b - gone[1], c - gone[2], d - gone[3]
+        for at in range(begin + width, end + 1):
+            best = min(best, max(max(abs(c), abs(d)), b) / a)
+            if at == end:
+                break
+            row, gone = table[motifs[at]], table[motifs[at - width]]
+            a, b, c, d = a + (row[0] - gone[0]), b + (row[1] - gone[1]), c + (row[2] - gone[2]), d + (row[3] - gone[3])
         found[place] = best
 
 

@@ -60,7 +60,7 @@ class Shortlist(ShardStage):
     """One shard for the whole lake."""
 
     name = "shortlist"
-    version = 8  # with the vectors of windows, postures and joints
+    version = 9  # first numbers of windows by themselves
     about = "short vectors by which the search of a large lake chooses the clips that it compares"
     reads_catalog = True
     upstream = tuple(dict.fromkeys(stage.name for stage in KEPT.values()))
