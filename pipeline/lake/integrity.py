@@ -242,10 +242,16 @@ def sized_files(lake: Lake, files: Iterable[str]) -> list[Path]:
     Raises:
         DamagedError: for the first that has another size, or is missing or not listed.
     """
-    names = list(files)
-    for name in names:
-        if (wrong := size_fault(lake, name)) is not None:
-            raise DamagedError(damage(lake, name, wrong))
+    names, listed = list(files), _given.get()
+    if listed is None:
+        listed = _listed(lake)
+    if unlisted := next((name for name in names if name not in listed), None):
+        raise DamagedError(damage(lake, unlisted, "is not listed in the catalog"))
+    wanted = [listed[name] for name in names]
+    bring(lake, wanted)
+    for file, seen in zip(wanted, lake.stats(names), strict=True):
+        if (wrong := _stat_fault(lake, file, seen)) is not None:
+            raise DamagedError(damage(lake, file.file, wrong))
     return lake.paths(names)
 
 

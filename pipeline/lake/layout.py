@@ -88,9 +88,15 @@ class Lake:
 
     def paths(self, relative: Iterable[str]) -> list[Path]:
         """The same of several, sooner."""
-        root, found = self.root.resolve(), []
+        root, found, folders = self.root.resolve(), [], dict[str, Path]()
         for name in relative:
-            path = (root / name).resolve()
+            own = name.rpartition("/")[2]
+            folder = name[: len(name) - len(own)]
+            if folder not in folders:
+                folders[folder] = (root / folder).resolve()
+            path = folders[folder] / own
+            if own in ("", ".", "..") or path.is_symlink():
+                path = path.resolve()
             if not path.is_relative_to(root):
                 raise UserError(f"{name}: leads out of the lake {self.root}")
             found.append(path)
