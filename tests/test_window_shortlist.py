@@ -21,7 +21,7 @@ from motionlake.retrieval.lake_shortlist import shortlist_of
 from motionlake.retrieval.registry import searcher
 from motionlake.retrieval.submotion_search import SubmotionSearcher
 from motionlake.retrieval.window_scan import WindowScan
-from motionlake.retrieval.window_shortlist import WindowShortlist, nearest_of_clips, nearest_of_some
+from motionlake.retrieval.window_shortlist import WindowShortlist, nearest_of_clips
 from motionlake.stages import shortlist_windows, windows
 from motionlake.stages.shortlist_before import rows_by_file
 from motionlake.stages.shortlist_files import is_of_windows
@@ -59,10 +59,6 @@ def held(root: Path) -> ShortlistWindows:
     return found
 
 
-def numbers(found: ShortlistWindows) -> np.ndarray:
-    return np.hstack([found.first, found.others])
-
-
 def scan_of(root: Path, *, exact: bool = False) -> object:
     return cast(SubmotionSearcher, searcher("range", "submotion", open_lake(root), exact=exact))._scan
 
@@ -73,13 +69,13 @@ def test_numbers_are_where_windows_lie(large: Path) -> None:
     seen = 0
     for row, windows_of_clip in enumerate(found.rows.of(np.arange(len(found.clips)))):
         exact = found.directions.project(windows_of_clip["vector"].astype(np.float32))
-        places = numbers(found)[found.starts[row] : found.starts[row + 1]]
+        places = found.numbers[found.starts[row] : found.starts[row + 1]]
         np.testing.assert_allclose(places, np.clip(exact, -127, 127), atol=0.51)
         seen += len(places)
-    assert seen == len(numbers(found)) == found.starts[-1]
-    assert numbers(found).shape[1] == len(found.steps) == DIRECTIONS
-    assert np.abs(numbers(found).astype(int)).max() <= 127
-    assert (np.abs(numbers(found).astype(int)).max(axis=0)[:16] > 40).all(), "along the first directions"
+    assert seen == len(found.numbers) == found.starts[-1]
+    assert found.numbers.shape[1] == len(found.steps) == DIRECTIONS
+    assert np.abs(found.numbers.astype(int)).max() <= 127
+    assert (np.abs(found.numbers.astype(int)).max(axis=0)[:16] > 40).all(), "along the first directions"
     assert found.steps[:16].min() > found.steps[-16:].max() > 0, "along the first windows differ most"
 
 
@@ -120,6 +116,7 @@ def test_answers_are_those_of_every_window(large: Path, built_lake: Path) -> Non
 
 
 def test_few_chosen_clips_hold_the_nearest(large: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(window_shortlist, "NEAR", 4)
     monkeypatch.setattr(window_shortlist, "SPARE", 1)
     same = []
     with few():
@@ -158,7 +155,7 @@ def test_clips_that_stay_are_taken_over(
     clips = [each.clips["clip"].to_pylist() for each in (before, after)]
     for clip in set(clips[0]) - {gone}:
         old, new = (
-            numbers(each)[slice(*each.starts[names.index(clip) :][:2])]
+            each.numbers[slice(*each.starts[names.index(clip) :][:2])]
             for each, names in zip((before, after), clips, strict=True)
         )
         np.testing.assert_array_equal(old, new)
@@ -181,7 +178,7 @@ def test_windows_of_another_encoder_are_not_read(large: Path, tmp_path: Path, sc
         assert find(root, clip, 3, 33).json == found
 
 
-@pytest.mark.parametrize("name", ["windows-first.npy", "windows.rows"])
+@pytest.mark.parametrize("name", ["windows-numbers.npy", "windows.rows"])
 def test_damaged_numbers_answer_nothing(large: Path, tmp_path: Path, name: str) -> None:
     root = Path(shutil.copytree(large, tmp_path / "lake"))
     (clip, _), *_ = longest(root, 1)
@@ -212,11 +209,3 @@ def test_the_nearest_of_each_clip(seed: int, counts: list[int]) -> None:
     nearest_of_clips(places, starts, asked, steps, 0, len(counts), found)
     wanted = [squares.sum(axis=1)[a:b].min(initial=np.inf) for a, b in pairwise(starts)]
     np.testing.assert_allclose(found, wanted, rtol=1e-5)
-    first, others = places[:, :2].copy(), places[:, 2:].copy()
-    nearest_of_clips(first, starts, asked, steps, 0, len(counts), found)
-    rough = [squares[a:b, :2].sum(axis=1).min(initial=np.inf) for a, b in pairwise(starts)]
-    np.testing.assert_allclose(found, rough, rtol=1e-5)
-    some = rng.permutation(len(counts))[: 1 + seed % len(counts)]
-    of_some = np.zeros(len(some), dtype=np.float32)
-    nearest_of_some(first, others, starts, asked, steps, some, of_some)
-    np.testing.assert_allclose(of_some, np.array(wanted)[some], rtol=1e-5)

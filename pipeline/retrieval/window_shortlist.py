@@ -1,7 +1,7 @@
 """Which clips of a very large lake hold a piece: the shortlist's numbers of its windows choose some, compared exactly.
 
-Along some directions windows keep nearly all of how far they are apart; of the ten clips nearest by vectors, the 40
-nearest by these numbers hold nearly all (docs/scale.md). The shortlist holds their vectors, too.
+Along some directions windows keep most of how far they are apart; of the ten clips nearest by vectors, the 200 nearest
+by these numbers hold nearly all (docs/scale.md). The shortlist holds their vectors, too.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ from motionlake.columns import column_of, texts
 from motionlake.kernels import njit
 from motionlake.lake.catalog import Connection, reading
 from motionlake.lake.layout import Lake
-from motionlake.refined import refined
 from motionlake.retrieval.known_clips import KnownClips
 from motionlake.retrieval.lake_shortlist import LakeShortlist
 from motionlake.retrieval.protocol import Scope
@@ -27,7 +26,8 @@ from motionlake.stages.shortlist_files import CLIPS
 from motionlake.stages.shortlist_windows import PIECES, ShortlistWindows, kind_of
 from numpy.typing import NDArray
 
-SPARE: Final = 30  # clips that are compared beyond those that are asked for
+NEAR: Final = 200  # clips whose vectors are compared
+SPARE: Final = 10  # clips beyond those that are asked for whose windows SQL compares
 _THREADS: Final = 2
 
 
@@ -69,10 +69,11 @@ class WindowShortlist:
         self, con: Connection, descriptor: Float32Array, k: int, scope: Scope, without: Mapping[str, Any]
     ) -> list[dict[str, Any]]:
         """As `WindowScan.holding`, but for clips that are nearer than their numbers tell."""
-        apart = self._apart(descriptor, k + SPARE, self._clips.admits(scope.clips))
-        count = min(k + SPARE, int(np.isfinite(apart).sum()))
-        near = np.sort(np.argpartition(apart, count - 1)[:count]) if count else np.zeros(0, dtype=np.int64)
-        return nearest_among(con, self.known, self._rows(near), descriptor, k, without)
+        apart = self._apart(descriptor) - self._clips.admits(scope.clips)
+        near = _least(apart, max(NEAR, k + SPARE))
+        held = self._windows.rows.of(near)
+        exact = np.array([_nearest(windows["vector"], descriptor) for windows in held], dtype=np.float32)
+        return nearest_among(con, self.known, self._rows(near[_least(exact, k + SPARE)]), descriptor, k, without)
 
     def _rows(self, clips: Int64Array) -> pa.Table:
         """The windows of some clips, by row, with vectors in single precision."""
@@ -86,25 +87,31 @@ class WindowShortlist:
         ]
         return pa.Table.from_arrays(columns, names=["clip", "start", "stop", "descriptor"])
 
-    def _apart(self, descriptor: Float32Array, count: int, admits: Float32Array) -> Float32Array:
-        """[n] squared distance of the nearest window of each clip, by its numbers; infinite for a clip without, or that
-        is not admitted. Those of clips farther than the nearest, so many, are along the first directions alone."""
+    def _apart(self, descriptor: Float32Array) -> Float32Array:
+        """[n] squared distance of the nearest window of each clip, by its numbers; infinite for a clip without."""
         windows = self._windows
+        found = np.full(len(windows.starts) - 1, np.inf, dtype=np.float32)
         query = windows.directions.project(descriptor)
-        rough = np.full(len(windows.starts) - 1, np.inf, dtype=np.float32)
         cuts = np.searchsorted(windows.starts, np.linspace(0, windows.starts[-1], _THREADS + 1)).tolist()
-        cuts[-1] = len(rough)
+        cuts[-1] = len(found)
 
         def scan(share: int) -> None:
-            nearest_of_clips(windows.first, windows.starts, query, windows.steps, cuts[share], cuts[share + 1], rough)
-
-        def exact(clips: Int64Array) -> Float32Array:
-            found = np.empty(len(clips), dtype=np.float32)
-            nearest_of_some(windows.first, windows.others, windows.starts, query, windows.steps, clips, found)
-            return found
+            nearest_of_clips(windows.numbers, windows.starts, query, windows.steps, cuts[share], cuts[share + 1], found)
 
         list(self._pool.map(scan, range(_THREADS)))
-        return refined(np.asarray(rough - admits), count, exact)
+        return found
+
+
+def _least(values: Float32Array, count: int) -> Int64Array:
+    """The places of the least of some values, so many, in order of places; none that is infinite."""
+    count = min(count, int(np.isfinite(values).sum()))
+    return np.sort(np.argpartition(values, count - 1)[:count]) if count else np.zeros(0, dtype=np.int64)
+
+
+def _nearest(vectors: NDArray[np.float16], descriptor: Float32Array) -> float:
+    """Squared distance of a descriptor from the nearest of some vectors [w, 512]."""
+    apart = vectors.astype(np.float32) - descriptor
+    return float(np.einsum("wd,wd->w", apart, apart).min(initial=np.inf))
 
 
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
@@ -112,35 +119,14 @@ def nearest_of_clips(
     places: NDArray[np.int8], starts: Int64Array, query: Float32Array, steps: Float32Array, first: int, last: int,
     found: Float32Array,
 ) -> None:  # fmt: skip
-    """Write of clips [first, last) the squared distance of a query [d] from the nearest row of places [N, e], both in
-    steps [d], along the first e of them."""
+    """Write of clips [first, last) the squared distance of a query [d] from the nearest row of places [N, d], both in
+    steps [d]."""
     for clip in range(first, last):
         least = np.float32(np.inf)
         for row in range(starts[clip], starts[clip + 1]):
             total = np.float32(0.0)
-            for i in range(places.shape[1]):
+            for i in range(len(query)):
                 apart = (np.float32(places[row, i]) - query[i]) * steps[i]
                 total += apart * apart
             least = min(least, total)
         found[clip] = least
-
-
-@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
-def nearest_of_some(
-    places: NDArray[np.int8], others: NDArray[np.int8], starts: Int64Array, query: Float32Array, steps: Float32Array,
-    clips: Int64Array, found: Float32Array,
-) -> None:  # fmt: skip
-    """The same of some clips along all d, of which `others` [N, d - e] has the last."""
-    width = places.shape[1]
-    for at in range(len(clips)):
-        least = np.float32(np.inf)
-        for row in range(starts[clips[at]], starts[clips[at] + 1]):
-            total = np.float32(0.0)
-            for i in range(width):
-                apart = (np.float32(places[row, i]) - query[i]) * steps[i]
-                total += apart * apart
-            for i in range(others.shape[1]):
-                apart = (np.float32(others[row, i]) - query[width + i]) * steps[width + i]
-                total += apart * apart
-            least = min(least, total)
-        found[at] = least

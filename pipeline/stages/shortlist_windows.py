@@ -51,8 +51,7 @@ from motionlake.stages.stage import Shard
 from motionlake.stages.submotions import SUBMOTIONS
 from numpy.typing import NDArray
 
-DIRECTIONS: Final = 128
-FIRST: Final = 32  # of these, by which most windows are seen to be too far
+DIRECTIONS: Final = 48
 LARGEST: Final = 127
 SMALLEST: Final = 1e-3  # of the longest step, how long each is at least: few windows differ along few directions
 SPREAD: Final = 16  # parts whose windows directions are fitted to
@@ -63,8 +62,8 @@ PIECES: Final = Kind(
 KIND: Final = "windows"  # names in what a table of clips says of itself
 FITTED: Final = "windows fitted"
 WRITTEN: Final = "windows written"
-LAYOUT: Final = 5
-_ARRAYS: Final = ("mean", "directions", "steps", "first", "others")
+LAYOUT: Final = 6
+_ARRAYS: Final = ("mean", "directions", "steps", "numbers")
 
 
 def kind_of(con: Connection) -> str | None:
@@ -78,8 +77,7 @@ class ShortlistWindows:
     """The windows of n clips, one clip after another.
 
     Attributes:
-        first: [N, FIRST] their places along the first directions.
-        others: [N, DIRECTIONS - FIRST] those along the others.
+        numbers: [N, DIRECTIONS] their places along the directions.
         starts: [n + 1] where those of each clip begin.
         directions: along which places are whole numbers of steps, from -127 to 127.
         steps: [DIRECTIONS] how long a step is; short where windows differ little, else rounding would hide near ones.
@@ -88,8 +86,7 @@ class ShortlistWindows:
         pieces: the files of these.
     """
 
-    first: NDArray[np.int8]
-    others: NDArray[np.int8]
+    numbers: NDArray[np.int8]
     starts: Int64Array
     directions: Directions
     steps: Float32Array
@@ -111,10 +108,10 @@ class ShortlistWindows:
         clips = read_clips(lake, files)
         if said_of(clips).get(KIND) != kind:
             return None
-        mean, matrix, steps, first, others = map(_array, sound_files(lake, sorted(own, key=_order)))
+        mean, matrix, steps, places = map(_array, sound_files(lake, sorted(own, key=_order)))
         starts = np.concatenate([[0], np.cumsum(numbers(clips[KIND]), dtype=np.int64)])
         rows = Pieces(lake, pieces, clips, PIECES)
-        return ShortlistWindows(first, others, starts, Directions(mean, matrix), steps, clips, rows, pieces)
+        return ShortlistWindows(places, starts, Directions(mean, matrix), steps, clips, rows, pieces)
 
 
 def _order(file: str) -> int:
@@ -170,7 +167,7 @@ def windows_of_clips(at: LakeReader, shard: Shard, clips: pa.Table, places: Plac
     others = np.ones(len(clips), dtype=np.bool_) if before is None else before.others(len(clips))
     wanted = rows_by_file(read, clips, others)
     held, starts = RowPlaces.empty(len(places)), _starts(at.lake, wanted, before, len(clips))
-    kept = np.empty((starts[-1], DIRECTIONS), dtype=np.int8)  # filled in place: of a large lake it has 400 MB
+    kept = np.empty((starts[-1], DIRECTIONS), dtype=np.int8)  # filled in place: of a large lake it has 150 MB
     serve = {} if before is None else before.pieces
     number = len(serve)
     with PieceWriter(at.lake, file_of(shard.key, PIECES.file(number)), number, held) as writer:
@@ -183,8 +180,7 @@ def windows_of_clips(at: LakeReader, shard: Shard, clips: pa.Table, places: Plac
     files = [
         *write_directions(at.lake, shard.key, KIND, directions),
         write_array(at.lake, shard.key, f"{KIND}-steps", steps),
-        write_array(at.lake, shard.key, f"{KIND}-first", kept[:, :FIRST]),
-        write_array(at.lake, shard.key, f"{KIND}-others", kept[:, FIRST:]),
+        write_array(at.lake, shard.key, f"{KIND}-numbers", kept),
         *pieces,
     ]
     said = {KIND: str(kind), FITTED: str(fitted), WRITTEN: json.dumps(list(pieces.values()))}
@@ -211,8 +207,7 @@ def _take_over(before: _Before, starts: Int64Array, kept: NDArray[np.int8]) -> N
     """Write the numbers of the windows of clips that stay where those of each begin."""
     found = before.windows
     for old, new in zip(before.old.tolist(), before.new.tolist(), strict=True):
-        own, there = slice(*starts[new : new + 2].tolist()), slice(*found.starts[old : old + 2].tolist())
-        kept[own, :FIRST], kept[own, FIRST:] = found.first[there], found.others[there]
+        kept[starts[new] : starts[new + 1]] = found.numbers[found.starts[old] : found.starts[old + 1]]
 
 
 def _read(
