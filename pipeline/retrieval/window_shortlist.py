@@ -1,6 +1,6 @@
 """Which clips of a very large lake hold a piece: the shortlist's numbers of its windows choose some, compared exactly.
 
-Along some directions windows keep most of how far they are apart; of the ten clips nearest by vectors, the 200 nearest
+Along some directions windows keep most of how far they are apart; of the ten clips nearest by vectors, the 120 nearest
 by these numbers hold nearly all (docs/scale.md). The shortlist holds their vectors, too.
 """
 
@@ -26,7 +26,7 @@ from motionlake.stages.shortlist_files import CLIPS
 from motionlake.stages.shortlist_windows import PIECES, ShortlistWindows, kind_of
 from numpy.typing import NDArray
 
-NEAR: Final = 200  # clips whose vectors are compared
+NEAR: Final = 120  # clips whose vectors are compared
 SPARE: Final = 10  # clips beyond those that are asked for whose windows SQL compares
 _THREADS: Final = 2
 

@@ -60,7 +60,7 @@ class Shortlist(ShardStage):
     """One shard for the whole lake."""
 
     name = "shortlist"
-    version = 10  # with vectors of windows, postures and joints
+    version = 11  # with vectors of windows, postures and joints
     about = "short vectors by which the search of a large lake chooses the clips that it compares"
     reads_catalog = True
     upstream = tuple(dict.fromkeys(stage.name for stage in KEPT.values()))

@@ -51,7 +51,7 @@ from motionlake.stages.stage import Shard
 from motionlake.stages.submotions import SUBMOTIONS
 from numpy.typing import NDArray
 
-DIRECTIONS: Final = 48
+DIRECTIONS: Final = 64  # a multiple of 32, of which processors take as many at a time
 LARGEST: Final = 127
 SMALLEST: Final = 1e-3  # of the longest step, how long each is at least: few windows differ along few directions
 SPREAD: Final = 16  # parts whose windows directions are fitted to
@@ -62,7 +62,7 @@ PIECES: Final = Kind(
 KIND: Final = "windows"  # names in what a table of clips says of itself
 FITTED: Final = "windows fitted"
 WRITTEN: Final = "windows written"
-LAYOUT: Final = 6
+LAYOUT: Final = 7
 _ARRAYS: Final = ("mean", "directions", "steps", "numbers")
 
 
@@ -167,7 +167,7 @@ def windows_of_clips(at: LakeReader, shard: Shard, clips: pa.Table, places: Plac
     others = np.ones(len(clips), dtype=np.bool_) if before is None else before.others(len(clips))
     wanted = rows_by_file(read, clips, others)
     held, starts = RowPlaces.empty(len(places)), _starts(at.lake, wanted, before, len(clips))
-    kept = np.empty((starts[-1], DIRECTIONS), dtype=np.int8)  # filled in place: of a large lake it has 150 MB
+    kept = np.empty((starts[-1], DIRECTIONS), dtype=np.int8)  # filled in place: of a large lake it has 200 MB
     serve = {} if before is None else before.pieces
     number = len(serve)
     with PieceWriter(at.lake, file_of(shard.key, PIECES.file(number)), number, held) as writer:
