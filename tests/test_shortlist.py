@@ -209,6 +209,23 @@ def test_answers_are_told_by_the_shortlist(
 
 
 @pytest.mark.parametrize("method", ["alignment", "moves"])
+def test_a_shortlist_without_rows_of_parts_serves_too(
+    large: Path, method: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An earlier version made it: postures and joints are read from parts."""
+    ((clip, frames, fps),) = longest(large, 1)
+    asked, own = Query(clip, 0, min(frames, int(1.5 * fps))), ShortlistFiles.open
+    (wanted, _) = by_words(large, method, asked, Scope())
+
+    def without(lake: Lake, names: list[str]) -> ShortlistFiles:
+        opened = own(lake, names)
+        return replace(opened, table=opened.table.drop_columns(["postures_piece", "joints_piece"]))
+
+    monkeypatch.setattr(ShortlistFiles, "open", staticmethod(without))
+    assert by_words(large, method, asked, Scope())[0] == wanted
+
+
+@pytest.mark.parametrize("method", ["alignment", "moves"])
 def test_pieces_in_the_clips_that_words_find_near(large: Path, method: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of all clips the answers are those of comparing the lake; of a few, answers are of these and of the query's."""
     ((clip, frames, fps),) = longest(large, 1)

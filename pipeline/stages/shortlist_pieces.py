@@ -53,7 +53,8 @@ class Kind:
 
     def among(self, files: Sequence[str]) -> list[str]:
         """Those of a shortlist's files that are such pieces, by number."""
-        return sorted((file for file in files if file.endswith(self.suffix)), key=lambda file: (len(_name(file)), file))
+        own = (file for file in files if file.endswith(self.suffix))
+        return sorted(own, key=lambda file: (len(_name(file)), _name(file)))  # by number, whatever their keys
 
 
 @dataclass(frozen=True)
