@@ -3,8 +3,8 @@
 Of every clip it keeps a short vector by each method, by which the search chooses some hundred clips, and what these
 are then compared by: signature, symbols and moves; and the motifs of its words and its windows, among which pieces are
 looked for. The files are laid out so that little of them is read. All clips are compared along the same directions, so
-all are done together; but of moves and windows, only those of clips that came since are read
-(`motionlake.stages.shortlist_before`, `motionlake.stages.shortlist_windows`).
+all are done together; but moves, windows, postures and joints are read of clips alone that came since
+(`motionlake.stages.shortlist_before`).
 """
 
 from __future__ import annotations
