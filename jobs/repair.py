@@ -29,7 +29,8 @@ from motionlake.stages.ingest import KEY_ROWS
 from motionlake.stages.model_kind import CHOSEN, Selection
 from motionlake.stages.reader import LakeReader, lake_reader
 from motionlake.stages.registry import EVERY, KINDS, ON_REQUEST
-from motionlake.stages.sources import SourceFile, content_hash, known_roots
+from motionlake.stages.source_files import SourceFile, content_hash
+from motionlake.stages.sources import known_roots
 from motionlake.stages.stage import PartStage, Shard, ShardStage
 from motionlake.stages.synthesize import SYNTHESIZE
 

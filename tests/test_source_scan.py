@@ -17,16 +17,8 @@ from motionlake.formats.limits_config import Limits
 from motionlake.lake.catalog import create_catalog, load_rows, reading, writing
 from motionlake.lake.layout import Lake
 from motionlake.names import kept, on_disk
-from motionlake.stages.sources import (
-    LATEST,
-    Difference,
-    IngestOptions,
-    Root,
-    SourceFile,
-    compare,
-    content_hash,
-    scan,
-)
+from motionlake.stages.source_files import LATEST, SourceFile, content_hash, scan
+from motionlake.stages.sources import Difference, IngestOptions, Root, compare
 
 ENDINGS = sorted({suffix for reader in readers() for suffix in reader.suffixes} | {".asf", ".bin", ".gz", "."})
 NAMES = st.builds(

@@ -30,7 +30,8 @@ from motionlake.stages.frames import FRAMES, Intake
 from motionlake.stages.model_kind import ModelKind, Selection
 from motionlake.stages.posture_dictionary import POSTURE_DICTIONARY
 from motionlake.stages.reader import LakeReader, lake_reader
-from motionlake.stages.sources import IngestOptions, Root, SourceFile, content_hash
+from motionlake.stages.source_files import SourceFile, content_hash
+from motionlake.stages.sources import IngestOptions, Root
 from motionlake.stages.stage import Shard, ShardResult, live_parts
 from motionlake.stages.symbols import SYMBOLS
 from motionlake.stages.word_network import TRUNK, WORD_NETWORK

@@ -92,8 +92,9 @@ GROUPS: Final[Mapping[str, Mapping[str, Module]]] = {
             _KEYS, ("due", "plan", "intake_of", "_new_shards", "shard_of", "content_key", "clips_key")
         ),
         "pipeline/stages/sources.py": Module(
-            _KEYS, ("shaping", "shaping_hash", "scan", "_source_file", "content_hash", "compare", "_hashed")
+            _KEYS, ("shaping", "shaping_hash", "compare", "_hashed")
         ),
+        "pipeline/stages/source_files.py": Module(_KEYS, ("scan", "_source_file", "content_hash")),
         "pipeline/stages/motif_model.py": Module(_KEYS, ("key",)),
         "pipeline/stages/word_network.py": Module(_KEYS, ("key", "takes_pretrained")),
         "pipeline/stages/posture_dictionary.py": Module(_KEYS, ("takes_pretrained",)),

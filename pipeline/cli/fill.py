@@ -37,7 +37,8 @@ from motionlake.stages.removal import (
     remove_sources,
     sources_of,
 )
-from motionlake.stages.sources import AUTO, IngestOptions, Root, check_options, known_roots, scan
+from motionlake.stages.source_files import scan
+from motionlake.stages.sources import AUTO, IngestOptions, Root, check_options, known_roots
 
 SHOWN = 5  # files that a notice names
 

@@ -23,13 +23,13 @@ from motionlake.names import on_disk, typed
 from motionlake.stages.clip_parts import BODY_ROWS, CLIP_ROWS, ClipParts, ClipStage
 from motionlake.stages.file_watch import watching
 from motionlake.stages.reader import LakeReader
+from motionlake.stages.source_files import SourceFile
 from motionlake.stages.sources import (
     FRAMES_VERSION,
     Difference,
     Hashing,
     IngestOptions,
     Root,
-    SourceFile,
     compare,
     known_roots,
     options_from,

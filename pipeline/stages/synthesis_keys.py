@@ -18,7 +18,7 @@ from motionlake.motion.generation import FPS, SeedClip
 from motionlake.motion.rotations import from_vectors, multiply, turn_on_ground
 from motionlake.motion.skeleton import body_length, facing
 from motionlake.stages.frames import first_body
-from motionlake.stages.sources import content_hash
+from motionlake.stages.source_files import content_hash
 from motionlake.stages.synthesis_control import Keyframe, Request, StyleClip
 from motionlake.stages.training_clips import frames_of_clips
 

@@ -17,7 +17,7 @@ from motionlake.lake.verdicts import good_rows
 from motionlake.motion.generation import FPS, SHORTEST
 from motionlake.stages.frames import first_body
 from motionlake.stages.generator_model import classed_motions, long_enough, recipe_of
-from motionlake.stages.sources import content_hash
+from motionlake.stages.source_files import content_hash
 from motionlake.stages.synthesis import check_classes, open_generator
 from motionlake.stages.synthesis_control import Request
 from motionlake.stages.training_clips import check_chosen, frames_of_clips
