@@ -11,10 +11,12 @@ from typing import Any, Final
 import numpy as np
 import pyarrow as pa
 from motionlake.arrays import BoolArray, Int64Array
+from motionlake.lake.integrity import listed_in
 from motionlake.lake.layout import Lake
 from motionlake.motion.moves import KIND
+from motionlake.stages.reader import LakeReader
 from motionlake.stages.shortlist_files import MOVES as PIECES
-from motionlake.stages.shortlist_files import read_clips, said_of
+from motionlake.stages.shortlist_files import Made, file_of, read_clips, said_of
 from motionlake.stages.shortlist_pieces import Kind, Pieces, PieceWriter, RowPlaces, serving
 
 GROWN: Final = 1.5  # times as many clips as directions were fitted to; of more they are fitted anew
@@ -65,10 +67,9 @@ def staying(
     return Staying(old, new, dict(zip(kind.among(files)[:kept], written, strict=False))) if kept else None
 
 
-def files_by_part(files: Mapping[str, str], clips: pa.Table, others: BoolArray | None) -> dict[str, str]:
-    """Of the files of parts those that hold some of [n] clip and part; None: any of them."""
-    parts = clips["part"].to_pylist()
-    wanted = dict.fromkeys(parts if others is None else compress(parts, others))
+def files_by_part(files: Mapping[str, str], clips: pa.Table, others: BoolArray) -> dict[str, str]:
+    """Of the files of parts those that hold some of [n] clip and part."""
+    wanted = dict.fromkeys(compress(clips["part"].to_pylist(), others))
     return {part: files[part] for part in wanted if part in files}
 
 
@@ -92,13 +93,55 @@ def named(spec: Mapping[str, Any], what: str) -> list[str]:
     return [*spec.get(f"{what} before", ()), *spec.get(f"{what} kept", ())]
 
 
-def take_over(found: Staying, there: RowPlaces, rows: Pieces, places: RowPlaces, writer: PieceWriter) -> None:
-    """Say where the rows of the clips that stay lie; what lies in pieces that do not go on serving is written."""
-    places.take(found.new, there, found.old)
-    moved = (places.count[found.new] > 0) & (places.piece[found.new] >= len(found.pieces))
-    olds, clips = found.old[moved], found.new[moved]
-    for clip, held in zip(clips.tolist(), rows.of(olds) if len(olds) else (), strict=True):
-        writer.add(clip, held)
+class NextPiece:
+    """The piece that a shortlist writes beside those that go on serving, and where the rows of its n clips lie.
+
+    Args:
+        at: the lake.
+        key: of the shard.
+        kind: of the piece.
+        clips: n.
+        before: what serves on; None: all is written.
+
+    Attributes:
+        add: takes the rows of a clip.
+        others: [n] the clips that do not stay.
+    """
+
+    def __init__(self, at: LakeReader, key: str, kind: Kind, clips: int, before: Staying | None) -> None:
+        self._at, self._kind, self._serve = at, kind, {} if before is None else before.pieces
+        self._places, number = RowPlaces.empty(clips), len(self._serve)
+        self.others = np.ones(clips, dtype=np.bool_) if before is None else before.others(clips)
+        self._writer = PieceWriter(at.lake, file_of(key, kind.file(number)), number, self._places)
+        self.add = self._writer.add
+
+    def __enter__(self) -> NextPiece:
+        self._writer.__enter__()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._writer.__exit__(*error)
+
+    def take_over(self, found: Staying, table: pa.Table, files: Sequence[str]) -> None:
+        """Say where the rows of the clips that stay lie, given the table and the files of the shortlist that has them;
+        what lies in pieces that do not go on serving is written."""
+        places = self._places
+        places.take(found.new, RowPlaces.of(table, self._kind), found.old)
+        moved = (places.count[found.new] > 0) & (places.piece[found.new] >= len(found.pieces))
+        olds, clips = found.old[moved], found.new[moved]
+        rows = Pieces(self._at.lake, files, table, self._kind).of(olds) if len(olds) else ()
+        for clip, held in zip(clips.tolist(), rows, strict=True):
+            self.add(clip, held)
+
+    def made(self) -> tuple[Made, list[int]]:
+        """Once it is written: all pieces and the places of rows in them; how many rows each has."""
+        pieces = {**self._serve, self._writer.file: self._writer.written}
+        if not self._writer.written:
+            self._at.lake.path(self._writer.file).unlink()
+            del pieces[self._writer.file]
+        listed = listed_in(self._at.con) if self._serve else {}
+        made = Made(self._places.columns(self._kind), list(pieces), {}, [listed[file] for file in self._serve])
+        return made, list(pieces.values())
 
 
 @dataclass(frozen=True)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterator, Sequence
+from dataclasses import replace
+from itertools import compress
 from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
 from motionlake.arrays import Float32Array, Int64Array
-from motionlake.lake.integrity import listed_in
 from motionlake.lake.layout import Lake
 from motionlake.motion.moves import WIDTH
 from motionlake.motion.sketches import Directions, instants, searchable
@@ -16,11 +17,11 @@ from motionlake.stages.moves import MOVES, joints_in, tracks_in
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.shortlist_before import (
     MovesBefore,
+    NextPiece,
     as_named,
     files_by_part,
     named,
     said_of_moves,
-    take_over,
 )
 from motionlake.stages.shortlist_files import (
     HALF,
@@ -30,7 +31,6 @@ from motionlake.stages.shortlist_files import (
     Made,
     Places,
     ShortlistFiles,
-    file_of,
     no_sketches,
     write_array,
     write_directions,
@@ -38,7 +38,6 @@ from motionlake.stages.shortlist_files import (
 from motionlake.stages.shortlist_files import (
     MOVES as PIECES,
 )
-from motionlake.stages.shortlist_pieces import PieceWriter, RowPlaces, pieces_left
 from motionlake.stages.stage import Shard
 
 LAYOUT: Final = 3  # of moves: those of another are read anew
@@ -52,16 +51,14 @@ class _Moves:
     Attributes:
         sketches: [n, w + 1].
         outlines: [n, INSTANTS, DIRECTIONS].
-        frames: where the frames of each clip lie.
     """
 
     def __init__(self, places: Places, directions: Directions, frames: Directions) -> None:
         self._places, self._directions, self._frames = places, directions, frames
         self.sketches = no_sketches(len(places), directions)
         self.outlines = np.zeros((len(places), INSTANTS, frames.matrix.shape[1]), dtype=np.float16)
-        self.frames = RowPlaces.empty(len(places))
 
-    def add(self, lake: Lake, file: str, wanted: Container[str], writer: PieceWriter) -> None:
+    def add(self, lake: Lake, file: str, wanted: Container[str], piece: NextPiece) -> None:
         """Those of a file of moves of the clips that are wanted."""
         from motionlake.motion.moves_of_clips import instants_of_clips
 
@@ -73,13 +70,13 @@ class _Moves:
         self.sketches[rows] = searchable(self._directions.project(looked.reshape(len(looked), -1)))
         halves = moves.astype(HALF)
         for row, start, stop in zip(rows.tolist(), starts[:-1].tolist(), starts[1:].tolist(), strict=True):
-            writer.add(row, halves[start:stop])
+            piece.add(row, halves[start:stop])
 
-    def take_over(self, files: ShortlistFiles, before: MovesBefore, writer: PieceWriter) -> None:
+    def take_over(self, files: ShortlistFiles, before: MovesBefore, piece: NextPiece) -> None:
         """Those of the clips that stay."""
         self.sketches[before.new] = files.arrays["moves-sketches"][before.old]
         self.outlines[before.new] = files.arrays["moves-outlines"][before.old]
-        take_over(before, RowPlaces.of(files.table, PIECES), files.moves, self.frames, writer)
+        piece.take_over(before, files.table, files.files)
 
     def write(self, lake: Lake, key: str) -> list[str]:
         return [
@@ -104,38 +101,27 @@ def moves_of_clips(at: LakeReader, shard: Shard, clips: pa.Table, places: Places
     """Those of all clips: of [n] clip and part. The shard says what is read, as `moves_to_read` does."""
     there = named(shard.spec, "moves")
     before = MovesBefore.of(at.lake, there, LAYOUT, clips, moves_of_parts(at)) if there else None
-    return _all_moves(at, shard, places) if before is None else _more_moves(at, shard, places, before)
-
-
-def _all_moves(at: LakeReader, shard: Shard, places: Places) -> Made:
-    """Of every clip, anew."""
-    files = shard.spec["moves"]
-    some = list(_some_moves(at.lake, files, places))
-    directions = Directions.of(np.stack([instants(moves, INSTANTS).ravel() for moves in some]), WIDTHS["moves"])
-    kept = _Moves(places, directions, Directions.of(np.concatenate(some), DIRECTIONS, centred=False))
-    with PieceWriter(at.lake, file_of(shard.key, PIECES.file(0)), 0, kept.frames) as writer:
-        for file in files:
-            kept.add(at.lake, file, places, writer)
-    said = said_of_moves(LAYOUT, len(places), files, [writer.written])
-    return Made(kept.frames.columns(PIECES), [*kept.write(at.lake, shard.key), writer.file], said)
-
-
-def _more_moves(at: LakeReader, shard: Shard, places: Places, before: MovesBefore) -> Made:
-    """Those of clips that stay as they were, and of all others along the same directions."""
-    files = ShortlistFiles.open(at.lake, named(shard.spec, "moves"))
-    kept = _Moves(places, files.directions("moves"), files.directions("outlines"))
-    number, names = len(before.pieces), list(places)
-    others = set(names) - {names[row] for row in before.new.tolist()}
-    with PieceWriter(at.lake, file_of(shard.key, PIECES.file(number)), number, kept.frames) as writer:
-        kept.take_over(files, before, writer)
+    if before is None:
+        files, kept, fitted = None, _fitted(at.lake, shard.spec["moves"], places), len(places)
+    else:
+        files, fitted = ShortlistFiles.open(at.lake, there), before.fitted
+        kept = _Moves(places, files.directions("moves"), files.directions("outlines"))
+    with NextPiece(at, shard.key, PIECES, len(places), before) as piece:
+        others = set(compress(places, piece.others))
+        if before is not None and files is not None:
+            kept.take_over(files, before, piece)
         for file in shard.spec["moves"]:
-            kept.add(at.lake, file, others, writer)
-    pieces, listed = pieces_left(at.lake, before.pieces, writer), listed_in(at.con)
-    return Made(
-        kept.frames.columns(PIECES), [*kept.write(at.lake, shard.key), *pieces],
-        said_of_moves(LAYOUT, before.fitted, list(moves_of_parts(at).values()), list(pieces.values())),
-        [listed[file] for file in before.pieces],
-    )  # fmt: skip
+            kept.add(at.lake, file, others, piece)
+    made, written = piece.made()
+    said = said_of_moves(LAYOUT, fitted, list(moves_of_parts(at).values()), written)
+    return replace(made, files=[*kept.write(at.lake, shard.key), *made.files], said=said)
+
+
+def _fitted(lake: Lake, files: Sequence[str], places: Places) -> _Moves:
+    """Of no clip yet, along directions of the moves of some."""
+    some = list(_some_moves(lake, files, places))
+    directions = Directions.of(np.stack([instants(moves, INSTANTS).ravel() for moves in some]), WIDTHS["moves"])
+    return _Moves(places, directions, Directions.of(np.concatenate(some), DIRECTIONS, centred=False))
 
 
 def moves_of_parts(at: LakeReader) -> dict[str, str]:

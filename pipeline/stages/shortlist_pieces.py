@@ -8,7 +8,7 @@ into which small pieces before it go.
 from __future__ import annotations
 
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cached_property
@@ -231,14 +231,6 @@ def serving(written: Sequence[int], places: RowPlaces, staying: Int64Array, comi
         kept -= 1
         coming += int(own[kept])
     return kept
-
-
-def pieces_left(lake: Lake, before: Mapping[str, int], writer: PieceWriter) -> dict[str, int]:
-    """The pieces of a shortlist, and the rows of each: those that serve on, and what was written, if there is any."""
-    if writer.written:
-        return {**before, writer.file: writer.written}
-    lake.path(writer.file).unlink()
-    return dict(before)
 
 
 def _name(file: str) -> str:

@@ -8,30 +8,29 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
 import pyarrow as pa
 from motionlake.lake.catalog import Connection, fetch
-from motionlake.lake.integrity import listed_in, sound
+from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.stages import shortlist_files
 from motionlake.stages.moves import MOVES, read_joints
 from motionlake.stages.postures import POSTURES, read_codes
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.shortlist_before import (
+    NextPiece,
     Staying,
     as_named,
     files_by_part,
     named,
     rows_by_file,
     staying,
-    take_over,
 )
-from motionlake.stages.shortlist_files import CLIPS, Made, Places, file_of, read_clips, said_of
-from motionlake.stages.shortlist_pieces import Kind, Pieces, PieceWriter, RowPlaces, pieces_left
+from motionlake.stages.shortlist_files import CLIPS, Made, Places, read_clips, said_of
+from motionlake.stages.shortlist_pieces import Kind, RowPlaces
 from motionlake.stages.stage import PartStage, Shard
 from numpy.typing import NDArray
 
@@ -74,22 +73,17 @@ class Rows:
 
     def of_clips(self, at: LakeReader, shard: Shard, clips: pa.Table, places: Places) -> Made:
         """Those of all clips: of [n] clip and part. The shard says what is read, as `to_read` does."""
-        kind, told, there = self.kind, self._told(at.con), named(shard.spec, self.name)
-        before, held = self._before(at.lake, there, told, clips), RowPlaces.empty(len(places))
-        serve = {} if before is None else before.pieces
-        others = np.ones(len(clips), dtype=np.bool_) if before is None else before.others(len(clips))
-        number = len(serve)
-        with PieceWriter(at.lake, file_of(shard.key, kind.file(number)), number, held) as writer:
+        told, there = self._told(at.con), named(shard.spec, self.name)
+        before = self._before(at.lake, there, told, clips)
+        with NextPiece(at, shard.key, self.kind, len(places), before) as piece:
             if before is not None:
-                table = read_clips(at.lake, there)
-                take_over(before, RowPlaces.of(table, kind), Pieces(at.lake, there, table, kind), held, writer)
-            for file, wanted in rows_by_file(shard.spec[self.name], clips, others).items():
+                piece.take_over(before, read_clips(at.lake, there), there)
+            for file, wanted in rows_by_file(shard.spec[self.name], clips, piece.others).items():
                 for clip, own in self.read(sound(at.lake, file)):
                     if clip in wanted:
-                        writer.add(wanted[clip], own.astype(kind.row.base, copy=False))
-        pieces, listed = pieces_left(at.lake, serve, writer), listed_in(at.con) if serve else {}
-        said = {self.name: told, self._written: json.dumps(list(pieces.values()))}
-        return Made(held.columns(kind), list(pieces), said, [listed[file] for file in serve])
+                        piece.add(wanted[clip], own.astype(self.kind.row.base, copy=False))
+        made, written = piece.made()
+        return replace(made, said={self.name: told, self._written: json.dumps(written)})
 
     @property
     def _written(self) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -20,33 +20,32 @@ from motionlake.columns import numbers, read_parquet
 from motionlake.deephums.config import DIMENSION
 from motionlake.lake.catalog import Connection
 from motionlake.lake.frames import runs_of
-from motionlake.lake.integrity import listed_in, sound, sound_files
+from motionlake.lake.integrity import sound, sound_files
 from motionlake.lake.layout import Lake
 from motionlake.motion.sketches import Directions
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.shortlist_before import (
     GROWN,
+    NextPiece,
     Staying,
     as_named,
     files_by_part,
     named,
     rows_by_file,
     staying,
-    take_over,
 )
 from motionlake.stages.shortlist_files import (
     CLIPS,
     HALF,
     Made,
     Places,
-    file_of,
     is_of_windows,
     read_clips,
     said_of,
     write_array,
     write_directions,
 )
-from motionlake.stages.shortlist_pieces import Kind, Pieces, PieceWriter, RowPlaces, pieces_left
+from motionlake.stages.shortlist_pieces import Kind, Pieces
 from motionlake.stages.stage import Shard
 from motionlake.stages.submotions import SUBMOTIONS
 from numpy.typing import NDArray
@@ -164,27 +163,23 @@ def windows_of_clips(at: LakeReader, shard: Shard, clips: pa.Table, places: Plac
     else:
         there = before.windows
         directions, steps, fitted = there.directions, there.steps, int(said_of(there.clips)[FITTED])
-    others = np.ones(len(clips), dtype=np.bool_) if before is None else before.others(len(clips))
-    wanted = rows_by_file(read, clips, others)
-    held, starts = RowPlaces.empty(len(places)), _starts(at.lake, wanted, before, len(clips))
-    kept = np.empty((starts[-1], DIRECTIONS), dtype=np.int8)  # filled in place: of a large lake it has 200 MB
-    serve = {} if before is None else before.pieces
-    number = len(serve)
-    with PieceWriter(at.lake, file_of(shard.key, PIECES.file(number)), number, held) as writer:
+    with NextPiece(at, shard.key, PIECES, len(places), before) as piece:
+        wanted = rows_by_file(read, clips, piece.others)
+        starts = _starts(at.lake, wanted, before, len(clips))
+        kept = np.empty((starts[-1], DIRECTIONS), dtype=np.int8)  # filled in place: of a large lake it has 200 MB
         if before is not None:
             _take_over(before, starts, kept)
-            take_over(before, RowPlaces.of(before.windows.clips, PIECES), before.windows.rows, held, writer)
+            piece.take_over(before, before.windows.clips, before.windows.pieces)
         for file, rows in wanted.items():
-            _read(sound(at.lake, file), rows, directions, starts, kept, writer)
-    pieces, listed = pieces_left(at.lake, serve, writer), listed_in(at.con) if serve else {}
-    files = [
+            _read(sound(at.lake, file), rows, directions, starts, kept, piece)
+    made, written = piece.made()
+    arrays = [
         *write_directions(at.lake, shard.key, KIND, directions),
         write_array(at.lake, shard.key, f"{KIND}-steps", steps),
         write_array(at.lake, shard.key, f"{KIND}-numbers", kept),
-        *pieces,
     ]
-    said = {KIND: str(kind), FITTED: str(fitted), WRITTEN: json.dumps(list(pieces.values()))}
-    return Made(held.columns(PIECES), files, said, [listed[file] for file in serve])
+    said = {KIND: str(kind), FITTED: str(fitted), WRITTEN: json.dumps(written)}
+    return replace(made, files=[*arrays, *made.files], said=said)
 
 
 def _starts(lake: Lake, wanted: Mapping[str, Mapping[str, int]], before: _Before | None, clips: int) -> Int64Array:
@@ -212,7 +207,7 @@ def _take_over(before: _Before, starts: Int64Array, kept: NDArray[np.int8]) -> N
 
 def _read(
     path: Path, rows: Mapping[str, int], directions: Directions, starts: Int64Array, kept: NDArray[np.int8],
-    writer: PieceWriter,
+    piece: NextPiece,
 ) -> None:  # fmt: skip
     """Write the windows of some clips of a part, and their numbers where those of each begin."""
     held = read_parquet(path, ["clip", "start", "stop", "descriptor"])
@@ -221,7 +216,7 @@ def _read(
     for row, run in _runs(held, rows):
         along = directions.project(windows["vector"][run].astype(np.float32))
         kept[starts[row] : starts[row + 1]] = np.clip(np.rint(along), -LARGEST, LARGEST)
-        writer.add(row, windows[run])
+        piece.add(row, windows[run])
 
 
 def _vectors(held: pa.Table) -> NDArray[np.float16]:
