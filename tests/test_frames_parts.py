@@ -93,11 +93,15 @@ def rewritten(part: Path, **metadata: str) -> None:
             "is a frames part of version 0, and version 1 is read here; `motionlake migrate`",
         ),
         (lambda part: rewritten(part, motion='{"version": 2}'), "is a frames part of version 2, and version 1 is read"),
+        (
+            lambda part: rewritten(part, motion='{"unit": "metre", "version": 3}'),
+            "is a frames part of version 3, and version 1 is read",
+        ),
         (lambda part: rewritten(part, motion="{"), "is a damaged frames part"),
         (lambda part: rewritten(part, motion="[]"), "is a damaged frames part"),
         (lambda part: part.write_bytes(part.read_bytes()[:-500]), "is a damaged frames part"),
     ],
-    ids=["no footer", "newer", "no JSON", "no object", "cut short"],
+    ids=["no footer", "newer", "newer, said later", "no JSON", "no object", "cut short"],
 )
 def test_a_part_of_another_version_is_not_read(built_lake: Path, tmp_path: Path, damage: Any, said: str) -> None:
     source = next(built_lake.glob("frames/*/*.parquet"))

@@ -91,7 +91,7 @@ class WindowBounds:
         return self._shared(_of_clips, self.table, words, chosen)
 
     def roughly_of_clips(self, words: WordMotifs) -> Float32Array:
-        """[n] no more than `of_clips`, in half the time."""
+        """[n] no more than `of_clips`, by fewer sums."""
         chosen = np.arange(len(words.offsets) - 1)
         return self._shared(_roughly_of_clips, np.ascontiguousarray(self.table[:, :ROUGH]), words, chosen)
 

@@ -120,9 +120,7 @@ def _stat_fault(lake: Lake, wanted: FileSums, seen: os.stat_result | None) -> st
 
 def size_fault(lake: Lake, file: str) -> str | None:
     """The same of a file of the catalog that serves now, by its name; one that is lacking is fetched."""
-    listed = _given.get()
-    if listed is None:
-        listed = _listed(lake)
+    listed = _readable(lake)
     if file not in listed:
         return "is not listed in the catalog"
     bring(lake, [listed[file]])
@@ -214,11 +212,7 @@ def sound(lake: Lake, file: str) -> Path:
 
 def sound_files(lake: Lake, files: Iterable[str]) -> list[Path]:
     """The paths of files that are all as they were written. Raises `DamagedError` for the first that is not."""
-    names = list(files)
-    listed = _given.get()
-    if listed is None:
-        listed = _listed(lake)
-
+    names, listed = list(files), _readable(lake)
     paths = lake.paths(names)
     bring(lake, [listed[name] for name in names if name in listed])
 
@@ -242,9 +236,7 @@ def sized_files(lake: Lake, files: Iterable[str]) -> list[Path]:
     Raises:
         DamagedError: for the first that has another size, or is missing or not listed.
     """
-    names, listed = list(files), _given.get()
-    if listed is None:
-        listed = _listed(lake)
+    names, listed = list(files), _readable(lake)
     if unlisted := next((name for name in names if name not in listed), None):
         raise DamagedError(damage(lake, unlisted, "is not listed in the catalog"))
     wanted = [listed[name] for name in names]
@@ -321,6 +313,12 @@ def named_files(listed: Listed, by_part: Mapping[str, str], value: object) -> se
                 yield from within(inner)
 
     return set(within(value))
+
+
+def _readable(lake: Lake) -> Listed:
+    """The files that may be read here: those that were `given`, else those that are listed."""
+    given_here = _given.get()
+    return _listed(lake) if given_here is None else given_here
 
 
 def _listed(lake: Lake) -> Listed:
