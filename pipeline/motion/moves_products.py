@@ -14,17 +14,19 @@ from motionlake.kernels import njit
 from motionlake.motion.moves import DISPLACEMENT_COUNT, HIPS, JOINTS_COUNT, MOST, SILENT, Track
 
 _HIPS = HIPS.start
+_SIDE = 32  # frames of the query side by side: loops of this constant length are compiled to the widest instructions
+_TERMS = 9  # along, across and up, of displacements, velocities and joints
 
 
 class Shared(NamedTuple):
-    """Of the frames of a query [n] and those of a track [N].
+    """Of the frames of a query [n] and those of a track [N]; the query's are in B = n / 32, rounded up, blocks of 32.
 
     Attributes:
         joints: [N, 45] of the track, less their mean.
         path: [N, 3] of the track, as moves have it.
-        displaced, moving, placed: [n, N, 3] products of the query's displacements with joints, of its velocities with
-            those of the track, and of its joints with those of the track.
-        started: [n, N, 3] of their paths.
+        products: [N, B, 9 * 32] products of the query's displacements with joints, of its velocities with those of the
+            track, and of its joints with those of the track, along, across and up each.
+        started: [N, B, 3 * 32] of their paths.
         norms: [n] squared lengths of the query's frames.
         speeds, sizes: [N] squared lengths of the track's velocities, and of its joints without the path, as moves have
             them.
@@ -33,9 +35,7 @@ class Shared(NamedTuple):
 
     joints: Float32Array
     path: Float32Array
-    displaced: Float32Array
-    moving: Float32Array
-    placed: Float32Array
+    products: Float32Array
     started: Float32Array
     norms: Float32Array
     speeds: Float32Array
@@ -70,12 +70,14 @@ def shared_products(query: Float32Array, joints: Float64Array, velocity: Float64
     for t in range(frames):
         summed[t + 1] = summed[t] + facing[t]
     sizes = _squares(placed) - _squares(path)
-    first = 2 * width
-    return Shared(
-        centred, path, _products(query[:, :width], centred), _products(query[:, width:first], moved),
-        _products(query[:, first:], placed), _products(query[:, first + _HIPS : first + _HIPS + 3], path),
-        _squares(query), _squares(moved), sizes, summed,
-    )  # fmt: skip
+    blocks, first = -(-len(query) // _SIDE), 2 * width
+    products = np.zeros((frames, blocks, _TERMS * _SIDE), np.float32)
+    _add_products(query[:, :width], centred, 0, products)
+    _add_products(query[:, width:first], moved, 3, products)
+    _add_products(query[:, first:], placed, 6, products)
+    started = np.zeros((frames, blocks, 3 * _SIDE), np.float32)
+    _add_products(query[:, first + _HIPS : first + _HIPS + 3], path, 0, started)
+    return Shared(centred, path, products, started, _squares(query), _squares(moved), sizes, summed)
 
 
 @njit(cache=True, nogil=True)
@@ -89,77 +91,81 @@ def _squares(rows: Float32Array) -> Float32Array:
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
-def _products(query: Float32Array, track: Float32Array) -> Float32Array:
-    """[n, N, 3] along, across, up, of frames [n, D] and [N, D] of points."""
-    count, frames = len(query), len(track)
-    columns = track.T.copy()  # so that frames of the track lie side by side
-    found = np.empty((count, frames, 3), np.float32)
-    along, across, up = np.empty(frames, np.float32), np.empty(frames, np.float32), np.empty(frames, np.float32)
-    for i in range(count):
-        along[:], across[:], up[:] = np.float32(0), np.float32(0), np.float32(0)
-        for d in range(0, track.shape[1], 3):
-            x, y, z = query[i, d], query[i, d + 1], query[i, d + 2]
-            for t in range(frames):
-                along[t] += x * columns[d, t] + z * columns[d + 2, t]
-                across[t] += z * columns[d, t] - x * columns[d + 2, t]
-                up[t] += y * columns[d + 1, t]
-        for t in range(frames):
-            found[i, t, 0], found[i, t, 1], found[i, t, 2] = along[t], across[t], up[t]
-    return found
+def _add_products(query: Float32Array, track: Float32Array, term: int, found: Float32Array) -> None:
+    """Add to three terms of found [N, B, terms * 32] along, across, up, of frames [n, D] and [N, D] of points."""
+    blocks, width = found.shape[1], query.shape[1]
+    columns = np.zeros((blocks, width * _SIDE), np.float32)
+    for i in range(len(query)):
+        for d in range(width):
+            columns[i // _SIDE, d * _SIDE + i % _SIDE] = query[i, d]
+    for t in range(len(track)):
+        for block in range(blocks):
+            sums = found[t, block, term * _SIDE : (term + 3) * _SIDE]
+            for d in range(0, width, 3):
+                point = columns[block, d * _SIDE : (d + 3) * _SIDE]
+                _add_product(point, track[t, d], track[t, d + 1], track[t, d + 2], sums)
+
+
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def _add_product(point: Float32Array, x: np.float32, y: np.float32, z: np.float32, sums: Float32Array) -> None:
+    """Add to sums [96] those of a point [96] of frames of the query and one of a frame of the track."""
+    for i in range(_SIDE):
+        sums[i] += point[i] * x + point[i + 64] * z
+        sums[i + 32] += point[i + 64] * x - point[i] * z
+        sums[i + 64] += point[i + 32] * y
 
 
 @njit(cache=True, nogil=True)
 def distances_of(shared: Shared, starts: Int64Array, width: int) -> Float64Array:
     """[s] distances of the query from the windows of one width that begin at some frames."""
-    padded = np.empty(-(-len(starts) // 8) * 8, np.int64)
-    turns = np.empty((len(padded), 2), np.float32)
-    for at in range(len(padded)):
-        padded[at] = starts[min(at, len(starts) - 1)]
-        ahead, aside = shared.facing[padded[at] + width] - shared.facing[padded[at]]
+    turns = np.empty((len(starts), 2), np.float32)
+    for at in range(len(starts)):
+        ahead, aside = shared.facing[starts[at] + width] - shared.facing[starts[at]]
         length = np.sqrt(ahead * ahead + aside * aside)
         turns[at, 0], turns[at, 1] = (ahead / length, aside / length) if length > SILENT else (1.0, 0.0)
-    found = np.empty(len(padded), np.float32)
+    found = np.empty(len(starts), np.float32)
     _windows(
-        shared.joints, shared.displaced, shared.moving, shared.placed, shared.started, shared.path, shared.norms,
-        shared.speeds, shared.sizes, padded, turns, width, found,
+        shared.joints, shared.products, shared.started, shared.path, shared.norms, shared.speeds, shared.sizes, starts,
+        turns, width, found,
     )  # fmt: skip
-    return (found[: len(starts)] / np.float32(len(shared.norms) + width)).astype(np.float64)
+    return (found / np.float32(len(shared.norms) + width)).astype(np.float64)
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz", "arcp"})
 def _windows(
-    joints: Float32Array, displaced: Float32Array, moving: Float32Array, placed: Float32Array, started: Float32Array,
-    path: Float32Array, norms: Float32Array, speeds: Float32Array, sizes: Float32Array, starts: Int64Array,
-    turns: Float32Array, width: int, out: Float32Array,
+    joints: Float32Array, products: Float32Array, started: Float32Array, path: Float32Array, norms: Float32Array,
+    speeds: Float32Array, sizes: Float32Array, starts: Int64Array, turns: Float32Array, width: int, out: Float32Array,
 ) -> None:  # fmt: skip
     """Kernel: summed costs of the cheapest paths from a query [n] to windows of a track [N], eight side by side.
 
     Args:
-        joints, displaced, moving, placed, started, path, norms, speeds, sizes: as `Shared` has them.
-        starts: [s] of the windows, a multiple of eight.
+        joints, products, started, path, norms, speeds, sizes: as `Shared` has them.
+        starts: [s] of the windows.
         turns: [s, 2] cosine and sine of where each faces.
         width: frames of a window.
         out: [s].
     """
-    n, zero, inf = len(norms), np.float32(0), np.float32(np.inf)
-    own, row = np.empty(width * 8, np.float32), np.empty(width * 8, np.float32)
+    n, blocks, zero, inf = len(norms), products.shape[1], np.float32(0), np.float32(np.inf)
     posture = np.empty(joints.shape[1], np.float32)
-    # Of each window: what products are multiplied by, those of displacements first.
-    by = np.empty((9, 8), np.float32)
-    base, left, diagonal = np.empty(8, np.float32), np.empty(8, np.float32), np.empty(8, np.float32)
+    # Of each window: what each of its frames adds, what products are multiplied by, and what each frame of the query
+    # adds; distances of the query's frames from one of its frames, and the costs of paths to them.
+    own, by = np.empty((8, width), np.float32), np.empty((8, _TERMS), np.float32)
+    base, apart = np.empty((8, blocks, _SIDE), np.float32), np.zeros((8, blocks * _SIDE), np.float32)
+    column, below, diagonal = np.empty(n * 8, np.float32), np.empty(8, np.float32), np.empty(8, np.float32)
     for first in range(0, len(starts), 8):
-        for lane in range(8):
+        lanes = min(8, len(starts) - first)
+        for lane in range(lanes):
             start = starts[first + lane]
             last = start + width - 1
             for d in range(len(posture)):
                 posture[d] = (joints[start, d] + joints[start + 1, d] + joints[last - 1, d] + joints[last, d]) / 4
             spread, speed = zero, zero
             for j in range(width):
-                apart = zero
+                far = zero
                 for d in range(len(posture)):
-                    apart += (joints[start + j, d] - posture[d]) ** 2
-                own[j * 8 + lane] = apart
-                spread += apart
+                    far += (joints[start + j, d] - posture[d]) ** 2
+                own[lane, j] = far
+                spread += far
                 speed += speeds[start + j]
             root = max(np.sqrt(spread / width), SILENT) / DISPLACEMENT_COUNT
             rate = max(np.sqrt(speed / width), SILENT)
@@ -167,40 +173,77 @@ def _windows(
                 way = zero
                 for d in range(3):
                     way += (path[start + j, d] - path[start, d]) ** 2
-                own[j * 8 + lane] = own[j * 8 + lane] / (root * root) + speeds[start + j] / (rate * rate)
-                own[j * 8 + lane] += sizes[start + j] + way
+                own[lane, j] = own[lane, j] / (root * root) + speeds[start + j] / (rate * rate)
+                own[lane, j] += sizes[start + j] + way
             cosine, sine = turns[first + lane, 0], turns[first + lane, 1]
-            by[0, lane], by[1, lane], by[2, lane] = 2 * cosine / root, 2 * sine / root, 2 / root
-            by[3, lane], by[4, lane], by[5, lane] = 2 * cosine / rate, 2 * sine / rate, 2 / rate
-            by[6, lane], by[7, lane], by[8, lane] = 2 * cosine, 2 * sine, 2
-        row[:] = inf
-        for i in range(n):
-            for lane in range(8):
-                start = starts[first + lane]
-                last = start + width - 1
-                mean = zero
-                for k in range(3):
-                    at_ends = displaced[i, start, k] + displaced[i, start + 1, k]
-                    mean += by[k, lane] * (at_ends + displaced[i, last - 1, k] + displaced[i, last, k]) / 4
-                    mean += by[6 + k, lane] * started[i, start, k]
-                base[lane] = norms[i] + mean
-            left[:] = inf
-            diagonal[:] = inf if i else zero
-            for j in range(width):
+            by[lane, 0], by[lane, 1], by[lane, 2] = 2 * cosine / root, 2 * sine / root, 2 / root
+            by[lane, 3], by[lane, 4], by[lane, 5] = 2 * cosine / rate, 2 * sine / rate, 2 / rate
+            by[lane, 6], by[lane, 7], by[lane, 8] = 2 * cosine, 2 * sine, 2
+            for block in range(blocks):
+                ends = (
+                    products[start, block],
+                    products[start + 1, block],
+                    products[last - 1, block],
+                    products[last, block],
+                )
+                _base(*ends, started[start, block], by[lane], base[lane, block])
+            for i in range(n):
+                base[lane, i // _SIDE, i % _SIDE] += norms[i]
+        column[:] = inf
+        for j in range(width):
+            for lane in range(lanes):
+                for block in range(blocks):
+                    found = apart[lane, block * _SIDE : (block + 1) * _SIDE]
+                    _apart(products[starts[first + lane] + j, block], base[lane, block], own[lane, j], by[lane], found)
+            below[:] = inf
+            diagonal[:] = inf if j else zero
+            for i in range(n):
                 for lane in range(8):
-                    at = starts[first + lane] + j
-                    near = (
-                        by[0, lane] * displaced[i, at, 0] + by[1, lane] * displaced[i, at, 1]
-                        + by[2, lane] * displaced[i, at, 2] + by[3, lane] * moving[i, at, 0]
-                        + by[4, lane] * moving[i, at, 1] + by[5, lane] * moving[i, at, 2]
-                        + by[6, lane] * placed[i, at, 0] + by[7, lane] * placed[i, at, 1]
-                        + by[8, lane] * placed[i, at, 2]
-                    )  # fmt: skip
-                    above = row[j * 8 + lane]
-                    cost = np.sqrt(max(base[lane] + own[j * 8 + lane] - near, zero))
-                    cost += min(left[lane], min(above, diagonal[lane]))
-                    diagonal[lane] = above
-                    left[lane] = cost
-                    row[j * 8 + lane] = cost
-        for lane in range(8):
-            out[first + lane] = row[(width - 1) * 8 + lane]
+                    beside = column[i * 8 + lane]
+                    cost = apart[lane, i] + min(below[lane], min(beside, diagonal[lane]))
+                    diagonal[lane] = beside
+                    below[lane] = cost
+                    column[i * 8 + lane] = cost
+        for lane in range(lanes):
+            out[first + lane] = column[(n - 1) * 8 + lane]
+
+
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz", "arcp"})
+def _base(
+    first: Float32Array, second: Float32Array, before: Float32Array, last: Float32Array, started: Float32Array,
+    by: Float32Array, found: Float32Array,
+) -> None:  # fmt: skip
+    """Kernel: what frames of the query [32] add to their distances from those of a window, but for their own lengths.
+
+    Args:
+        first, second, before, last: [9 * 32] products of two frames at either end of the window, as `Shared` has them.
+        started: [3 * 32] of its first frame.
+        by: [9] what products are multiplied by.
+        found: [32].
+    """
+    a, b, c, g, h, k = by[0] / 4, by[1] / 4, by[2] / 4, by[6], by[7], by[8]
+    for i in range(_SIDE):
+        ends = a * (first[i] + second[i] + before[i] + last[i])
+        ends += b * (first[i + 32] + second[i + 32] + before[i + 32] + last[i + 32])
+        ends += c * (first[i + 64] + second[i + 64] + before[i + 64] + last[i + 64])
+        found[i] = ends + g * started[i] + h * started[i + 32] + k * started[i + 64]
+
+
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz", "arcp"})
+def _apart(products: Float32Array, base: Float32Array, own: np.float32, by: Float32Array, found: Float32Array) -> None:
+    """Kernel: distances [32] of frames of the query from one of a window.
+
+    Args:
+        products: [9 * 32] of the frames, as `Shared` has them.
+        base: [32] what each frame of the query adds.
+        own: what that of the window adds.
+        by: [9] what products are multiplied by.
+        found: [32].
+    """
+    a, b, c, d, e, f, g, h, k = by[0], by[1], by[2], by[3], by[4], by[5], by[6], by[7], by[8]
+    for i in range(_SIDE):
+        near = (
+            a * products[i] + b * products[i + 32] + c * products[i + 64] + d * products[i + 96] + e * products[i + 128]
+        )
+        near += f * products[i + 160] + g * products[i + 192] + h * products[i + 224] + k * products[i + 256]
+        found[i] = np.sqrt(max(base[i] + own - near, np.float32(0)))
