@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from motionlake import threads as kept_threads
 from motionlake.arrays import Int32Array
 from motionlake.pesta import scan, thread_work
 from motionlake.pesta.config import AlignmentConfig, Method
@@ -32,7 +33,7 @@ def test_threads_are_for_much_work() -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(thread_work, "THREAD_CELLS", 100)
         assert [thread_work.useful_threads(4, cells) for cells in (0, 199, 200, 399, 10_000)] == [1, 1, 2, 3, 4]
-        patch.setattr(thread_work, "ThreadPoolExecutor", None)  # to start threads is an error
+        patch.setattr(kept_threads, "_kept", None)  # to ask for threads is an error
         strings = Repository.of([np.arange(9)] * 64)
         with pytest.raises(TypeError):
             end_costs([1, 2], strings, dictionary(0, 9), threads=8)

@@ -7,7 +7,6 @@ query follow from products of frames that all windows share: to align another wi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -16,6 +15,7 @@ from motionlake.kernels import njit
 from motionlake.motion.moves import LEAST, MOST, Track
 from motionlake.motion.moves_of_clips import Smoothing, facing_of, smoothing, velocity_of
 from motionlake.motion.moves_products import Shared, distances_of, shared_of, shared_products
+from motionlake.threads import in_threads
 
 TEMPI: Final = (0.75, 1.0, 4 / 3)  # lengths of windows, in lengths of the query
 FINER: Final = (0.87, 0.93, 1.0, 1.07, 1.15)  # the same around the best of them
@@ -68,11 +68,7 @@ def nearest_places(
     def compare(share: int) -> None:
         _places(*asked, cuts[share], cuts[share + 1], found, places)
 
-    if shares == 1:
-        compare(0)
-    else:
-        with ThreadPoolExecutor(shares) as pool:
-            list(pool.map(compare, range(shares)))
+    in_threads(compare, range(shares), shares)
     every = zip(found.tolist(), *places.T.tolist(), strict=True)
     return [_or_none(each) for each in every]
 

@@ -15,7 +15,8 @@ from motionlake.arrays import Float32Array, Int32Array, Int64Array
 from motionlake.kernels import njit
 from motionlake.pesta.config import DEFAULT_ALIGNMENT, AlignmentConfig
 from motionlake.pesta.strings import Distances, Repository, checked
-from motionlake.pesta.thread_work import in_threads, useful_threads
+from motionlake.pesta.thread_work import useful_threads
+from motionlake.threads import in_threads
 from numpy.typing import ArrayLike
 
 SURE: Final = np.float32(1 - 1e-4)  # sums of single precision are rounded

@@ -35,7 +35,8 @@ from motionlake.pesta.paths import trace
 from motionlake.pesta.segments import strip_profile, strip_scanner
 from motionlake.pesta.selection import BLOCK
 from motionlake.pesta.strings import Boundaries, Distances, Repository, checked
-from motionlake.pesta.thread_work import in_threads, useful_threads
+from motionlake.pesta.thread_work import useful_threads
+from motionlake.threads import in_threads
 from numpy.typing import ArrayLike
 
 # Symbols of a segment where K is not given: how far the windows of section 8.3.3 slide.

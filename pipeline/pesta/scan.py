@@ -20,7 +20,8 @@ from motionlake.pesta.config import DEFAULT_ALIGNMENT, AlignmentConfig
 from motionlake.pesta.lanes import LANES
 from motionlake.pesta.plain_scan import least_costs, plain_work
 from motionlake.pesta.strings import Boundaries, Distances, Repository, SymbolDistances, checked
-from motionlake.pesta.thread_work import in_threads, useful_threads
+from motionlake.pesta.thread_work import useful_threads
+from motionlake.threads import in_threads
 from numpy.typing import ArrayLike
 
 Both = Literal["max", "mean", "query"]

@@ -7,8 +7,6 @@ all. The answers by a method are then its nearest among these.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -20,7 +18,7 @@ from motionlake.retrieval.hits import Hit, Match, clip_hit
 from motionlake.retrieval.lake_shortlist import LakeShortlist
 from motionlake.retrieval.protocol import Query, Scope
 from motionlake.retrieval.shortlist_methods import METHODS, THREADS, Answers, ByMoves, Method, Value
-from motionlake.threads import limited
+from motionlake.threads import in_threads, limited
 
 NEAR: Final = 500  # clips that a method chooses, at least
 COMPARED: Final = 500  # clips of those that any chose, at least, that a method compares in full
@@ -54,11 +52,11 @@ class Cascade:
             raise failed[0]
         admitted = self._clips.admits(scope.clips)
         count = min(max(k, NEAR), int(np.isfinite(admitted).sum()))
-        chosen = self._threads.map(
-            lambda name: self._methods[name].choose(values[name], count, admitted), _last(values)
+        chosen = in_threads(
+            lambda name: self._methods[name].choose(values[name], count, admitted), _last(values), THREADS
         )
         any_chose = np.zeros(len(admitted), dtype=np.bool_)
-        any_chose[np.concatenate(list(chosen))] = True
+        any_chose[np.concatenate(chosen)] = True
         among = self._among(values, np.flatnonzero(any_chose), k, max(k, COMPARED))
         by = {name: Ranking(found.tolist(), distances) for name, (found, distances) in among.items()}
         return Asked(by, None if query.clip is None else self._clips.place(query.clip), self._as_hits)
@@ -94,16 +92,11 @@ class Cascade:
             name, own, each = share
             return self._methods[name].among(values[name], own, k, each)
 
-        found = self._threads.map(work, shares)
+        found = in_threads(work, shares, THREADS)
         answers: dict[str, list[Answers]] = {name: [] for name in values}
         for (name, *_), answer in zip(shares, found, strict=True):
             answers[name].append(answer)
         return {name: _merged(parts, k) for name, parts in answers.items()}
-
-    @cached_property
-    def _threads(self) -> ThreadPoolExecutor:
-        """Which stay: to start some takes as long as a part of the work."""
-        return ThreadPoolExecutor(THREADS, "search")
 
     def _as_hits(self, rows: Sequence[int], distances: Sequence[float]) -> list[Hit]:
         return [clip_hit(self._clips.facts(row), distance) for row, distance in zip(rows, distances, strict=True)]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final
@@ -18,6 +17,7 @@ from motionlake.retrieval.protocol import Scope
 from motionlake.retrieval.window_codes import CodedPiece, codes_of_files, overlapping
 from motionlake.retrieval.window_vectors import holding_among
 from motionlake.stages.windows import WindowFile
+from motionlake.threads import in_threads
 
 SPARE: Final = 16  # clips that are compared exactly beyond those that are asked for
 _THREADS: Final = 2
@@ -96,8 +96,7 @@ class WindowScan:
                 np.minimum.reduceat(squares, runs.starts[part], out=distances[slice(*runs.offsets[part : part + 2])])
 
         middle = len(runs.files) // 2
-        with ThreadPoolExecutor(_THREADS) as pool:
-            list(pool.map(scan, (range(middle), range(middle, len(runs.files)))))
+        in_threads(scan, (range(middle), range(middle, len(runs.files))), _THREADS)
         distances[~runs.live] = np.inf
         chosen: dict[str, str] = {}
         for at in np.argsort(distances, kind="stable").tolist():

@@ -7,7 +7,6 @@ by these numbers hold nearly all (docs/scale.md). The shortlist holds their vect
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Final
 
 import numpy as np
@@ -24,6 +23,7 @@ from motionlake.retrieval.window_vectors import nearest_among
 from motionlake.stages.mapped_part import lists_of
 from motionlake.stages.shortlist_files import CLIPS
 from motionlake.stages.shortlist_windows import PIECES, ShortlistWindows, kind_of
+from motionlake.threads import in_threads
 from numpy.typing import NDArray
 
 NEAR: Final = 120  # clips whose vectors are compared
@@ -46,7 +46,6 @@ class WindowShortlist:
     def __init__(self, lake: Lake, files: Sequence[str], windows: ShortlistWindows) -> None:
         self.lake, self._windows = lake, windows
         self._clips = LakeShortlist(lake, [file for file in files if file.endswith(CLIPS)])
-        self._pool = ThreadPoolExecutor(_THREADS, "windows")
 
     @property
     def known(self) -> KnownClips:
@@ -98,7 +97,7 @@ class WindowShortlist:
         def scan(share: int) -> None:
             nearest_of_clips(windows.numbers, windows.starts, query, windows.steps, cuts[share], cuts[share + 1], found)
 
-        list(self._pool.map(scan, range(_THREADS)))
+        in_threads(scan, range(_THREADS), _THREADS)
         return found
 
 

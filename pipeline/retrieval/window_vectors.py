@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
@@ -18,6 +17,7 @@ from motionlake.lake.frames import runs_of
 from motionlake.lake.integrity import sound_files
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.known_clips import KnownClips
+from motionlake.threads import in_threads
 
 THREADS: Final = 2
 COLUMNS: Final = ("clip", "start", "stop", "descriptor")
@@ -45,8 +45,8 @@ def holding_among(
     for clip, part in parts.items():
         if part in files:
             held.setdefault(files[part], set()).add(clip)
-    with ThreadPoolExecutor(THREADS) as pool:
-        windows = list(pool.map(_windows, sound_files(lake, held), held.values()))
+    asked = list(zip(sound_files(lake, held), held.values(), strict=True))
+    windows = in_threads(lambda one: _windows(*one), asked, THREADS)
     return nearest_among(con, known, pa.concat_tables(windows), descriptor, k, without) if windows else []
 
 
