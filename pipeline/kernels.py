@@ -86,10 +86,15 @@ def _unknown(module: str, name: str, *_: object) -> Kernel:
 
 
 def njit(
-    *, cache: bool = False, nogil: bool = False, inline: str = "never", fastmath: bool | Collection[str] = False
+    *,
+    cache: bool = False,
+    nogil: bool = False,
+    inline: str = "never",
+    fastmath: bool | Collection[str] = False,
+    error_model: str = "python",
 ) -> Callable[[Callable[Given, Found]], Callable[Given, Found]]:
     """`numba.njit`, at the first call. Arguments of the function are given by place."""
-    how = {"cache": cache, "nogil": nogil, "inline": inline, "fastmath": fastmath}
+    how = {"cache": cache, "nogil": nogil, "inline": inline, "fastmath": fastmath, "error_model": error_model}
 
     def kernel(function: Callable[Given, Found]) -> Callable[Given, Found]:
         return cast(Callable[Given, Found], Kernel(function, how))

@@ -15,6 +15,7 @@ from motionlake.deep_motifs.emd import emd
 from motionlake.deep_motifs.many_ranges import ManyWords
 from motionlake.deep_motifs.query_by_example import ExampleQuery, NearWindow, distinct, find_ranges
 from motionlake.deep_motifs.range_bounds import MOTIFS, WindowBounds, WordMotifs
+from motionlake.deep_motifs.rough_bounds import roughly_of_clips
 from motionlake.deep_motifs.signatures import Corpus, signature
 
 from tests.test_find import K, made_corpus
@@ -65,6 +66,31 @@ def test_bounds(seed: int, lengths: list[int], n_words: int, motifs: int) -> Non
             least = window @ corpus.ground[:, held].min(axis=1)
             apart = np.abs((window - signed) @ corpus.ground[:, seen]).max()
             assert bound >= max(least, apart) - 1e-4
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    seed=st.integers(0, 10_000), n_words=st.sampled_from([1, 2, 18, 300]),
+    lengths=st.lists(st.sampled_from([0, 1, 17, 18, 19, 300, 1023, 1024, 1025, 3000]), min_size=1, max_size=12),
+)  # fmt: skip
+def test_rough_bounds_are_quotients_of_sums(seed: int, n_words: int, lengths: list[int]) -> None:
+    """Wherever clips lie in the blocks of words that are looked at together, and for every way to share them out; the
+    sums of all words are greater than whole numbers of 32 bits."""
+    rng = np.random.default_rng(seed)
+    offsets = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
+    motifs = rng.integers(0, 7, offsets[-1]).astype(np.uint16)
+    most = (1 << 24) // n_words
+    table = np.column_stack([rng.integers(1, most, 7), rng.integers(0, most, 7), rng.integers(-most, most, (7, 2))])
+    expected = []
+    for clip, length in enumerate(lengths):
+        sums = np.cumsum(np.concatenate([np.zeros((1, 4)), table[motifs[offsets[clip] : offsets[clip + 1]]]]), axis=0)
+        width = min(n_words, length)
+        windows = np.abs(sums[width:] - sums[: len(sums) - width])
+        expected.append((windows[:, 1:].max(axis=1) / windows[:, 0]).min() if length else np.inf)
+    found, cut = np.full(len(lengths), np.inf, dtype=np.float32), seed % (len(lengths) + 1)
+    for first, last in ((0, cut), (cut, len(lengths))):
+        roughly_of_clips(table.astype(np.int32), motifs, offsets, n_words, first, last, found)
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
 
 
 def test_nothing_is_bounded_where_weights_are_lost_in_rounding() -> None:

@@ -10,19 +10,20 @@ Means over a window are running sums. These are whole numbers, which do not drif
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, Int64Array
+from motionlake.deep_motifs.rough_bounds import ROUGH, roughly_of_clips
 from motionlake.kernels import njit
+from motionlake.threads import in_threads
 from numpy.typing import NDArray
 
 LANES: Final = 8  # of a table: the weight of a motif, its distance from the query, and those from single motifs
 MOTIFS: Final = LANES - 2  # that means of distances are taken from
-ROUGH: Final = 4  # lanes of which a rough bound takes note
 _LARGEST: Final = 1 << 24  # that a sum comes to: whole numbers up to it are exact in single precision
 _DIVIDED: Final = 1e-6  # relative error of a quotient, and some
 _THREADS: Final = 2
@@ -88,26 +89,29 @@ class WindowBounds:
     def of_clips(self, words: WordMotifs, clips: Int64Array | None = None) -> Float32Array:
         """[c] the least bound of all windows of each of some clips, or of all; infinite where a clip has no words."""
         chosen = np.arange(len(words.offsets) - 1) if clips is None else clips
-        return self._shared(_of_clips, self.table, words, chosen)
+
+        def work(first: int, last: int, found: Float32Array) -> None:
+            _of_clips(self.table, words.motifs, words.offsets, chosen[first:last], self.n_words, found[first:last])
+
+        return self._shared(work, words.counts(chosen))
 
     def roughly_of_clips(self, words: WordMotifs) -> Float32Array:
         """[n] no more than `of_clips`, by fewer sums."""
-        chosen = np.arange(len(words.offsets) - 1)
-        return self._shared(_roughly_of_clips, np.ascontiguousarray(self.table[:, :ROUGH]), words, chosen)
+        table, counts = np.ascontiguousarray(self.table[:, :ROUGH], dtype=np.int32), np.diff(words.offsets)
+        most = min(self.n_words, int(counts.max(initial=1)))
 
-    def _shared(
-        self, kernel: Callable[..., None], table: Float32Array, words: WordMotifs, clips: Int64Array
-    ) -> Float32Array:
-        found = np.full(len(clips), np.inf, dtype=np.float32)
-        before = np.cumsum(words.counts(clips))
+        def work(first: int, last: int, found: Float32Array) -> None:
+            roughly_of_clips(table, words.motifs, words.offsets, most, first, last, found)
+
+        return self._shared(work, counts)
+
+    def _shared(self, work: Callable[[int, int, Float32Array], None], counts: Int64Array) -> Float32Array:
+        """What `work` writes of clips [first, last) that have so many words, a share of them in each thread."""
+        found = np.full(len(counts), np.inf, dtype=np.float32)
+        before = np.cumsum(counts)
         goals = np.linspace(0, before[-1] if len(before) else 0, _THREADS + 1)[1:-1]
         edges = [0, *np.searchsorted(before, goals).tolist(), len(found)]
-
-        def work(first: int, last: int) -> None:
-            kernel(table, words.motifs, words.offsets, clips[first:last], self.n_words, found[first:last])
-
-        with ThreadPoolExecutor(_THREADS) as pool:
-            list(pool.map(work, edges[:-1], edges[1:]))
+        in_threads(lambda share: work(*share, found), list(pairwise(edges)), _THREADS)
         return self._sure(found)
 
     def of_windows(self, words: WordMotifs, clips: Int64Array) -> tuple[Int64Array, Int64Array, Float32Array]:
@@ -157,31 +161,6 @@ def _of_clips(
             row, gone = table[motifs[at]], table[motifs[at - width]]
             a, b, c, d = a + (row[0] - gone[0]), b + (row[1] - gone[1]), c + (row[2] - gone[2]), d + (row[3] - gone[3])
             e, f, g, h = e + (row[4] - gone[4]), f + (row[5] - gone[5]), g + (row[6] - gone[6]), h + (row[7] - gone[7])
-        found[place] = best
-
-
-@njit(cache=True, nogil=True, fastmath={"nsz", "nnan"})
-def _roughly_of_clips(
-    table: Float32Array, motifs: NDArray[np.uint16], offsets: Int64Array, clips: Int64Array, n_words: int,
-    found: Float32Array,
-) -> None:  # fmt: skip
-    """Kernel of `roughly_of_clips`: the same by `ROUGH` lanes."""
-    for place in range(len(clips)):
-        begin, end = offsets[clips[place]], offsets[clips[place] + 1]
-        if begin == end:
-            continue
-        width = min(n_words, end - begin)
-        a = b = c = d = np.float32(0)
-        best = np.float32(1e30)
-        for at in range(begin, begin + width):
-            row = table[motifs[at]]
-            a, b, c, d = a + row[0], b + row[1], c + row[2], d + row[3]
-        for at in range(begin + width, end + 1):
-            best = min(best, max(max(abs(c), abs(d)), b) / a)
-            if at == end:
-                break
-            row, gone = table[motifs[at]], table[motifs[at - width]]
-            a, b, c, d = a + (row[0] - gone[0]), b + (row[1] - gone[1]), c + (row[2] - gone[2]), d + (row[3] - gone[3])
         found[place] = best
 
 
