@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal, Protocol, TypeAlias, TypeVar
@@ -18,6 +18,7 @@ from motionlake.lake.models import check_served
 from motionlake.lake.resolve import clip_or_file, resolve_clip
 from motionlake.lake.verdicts import check_least, good_clips
 from motionlake.retrieval.hits import Hit, Match, nearer_of_both, ranked
+from motionlake.threads import limited
 
 if TYPE_CHECKING:
     from motionlake.deep_motifs.signatures import CorpusClip
@@ -184,7 +185,8 @@ class LakeSearcher(ABC):
         check_k(k)
         if not k:
             return [[] for _ in queries]
-        with reading(self.lake):  # kept open, since to open it a dozen times takes as long as to compare
+        # Kept open, since to open it a dozen times takes as long as to compare.
+        with reading(self.lake), alone(queries):
             plain = self.nearest(queries, k, scope, mirrored=False)
             if not scope.mirrored:
                 return [scope.near(hits) for hits in plain]
@@ -203,6 +205,12 @@ class LakeSearcher(ABC):
     def matches(self, query: Query, hits: Sequence[Hit], *, mirrored: bool) -> dict[str, Match]:
         """What is alike of a query, or of its mirror image, and of answers, by clip; of none where it cannot tell."""
         return {}
+
+
+def alone(queries: Sequence[Query]) -> AbstractContextManager[object]:
+    """A block in which linear algebra for a single query has one thread: others would wait for work most of the time,
+    and be in the way of those that compare."""
+    return limited(1) if len(queries) == 1 else nullcontext()
 
 
 def check_k(k: int) -> None:
