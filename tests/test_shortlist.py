@@ -27,11 +27,12 @@ from motionlake.retrieval.chosen import ChosenSearcher
 from motionlake.retrieval.descriptor import DescriptorSearcher
 from motionlake.retrieval.fused import FusedSearcher
 from motionlake.retrieval.hits import Hit
+from motionlake.retrieval.lake_shortlist import shortlist_of
 from motionlake.retrieval.matched import matched_moves
 from motionlake.retrieval.moves import MovesSearcher
 from motionlake.retrieval.protocol import LakeSearcher, Query, Scope
 from motionlake.retrieval.registry import searcher
-from motionlake.retrieval.shortlist_methods import METHODS
+from motionlake.retrieval.shortlist_methods import METHODS, UNIT
 from motionlake.stages import shortlist_moves
 from motionlake.stages.moves import read_tracks
 from motionlake.stages.postures import codes_of_clips
@@ -127,8 +128,9 @@ def test_answers_are_those_of_comparing_every_clip(large: Path, clips_folder: Pa
 
 
 def test_few_chosen_clips_hold_the_nearest(large: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("motionlake.retrieval.shortlist.NEAR", 6)
-    monkeypatch.setattr("motionlake.retrieval.shortlist_methods.LOOKED_AT", 10)
+    monkeypatch.setattr("motionlake.retrieval.shortlist.CHOSEN", 12)
+    monkeypatch.setattr("motionlake.retrieval.shortlist_methods.UNIT", 12)
+    monkeypatch.setattr("motionlake.retrieval.shortlist_methods.ByMoves.compared", 6)
     monkeypatch.setattr("motionlake.retrieval.fused.REACH", 5)
     found = []
     for clip in some(large, 99):
@@ -138,6 +140,21 @@ def test_few_chosen_clips_hold_the_nearest(large: Path, monkeypatch: pytest.Monk
     with few():
         (hits,) = FusedSearcher(open_lake(large)).search([Query(some(large, 1)[0])], 1000)
     assert len(hits) > 12, "who asks for more gets more"
+
+
+def test_likeness_is_of_distances_of_vectors(large: Path) -> None:
+    """A half at the clip that is the scale of others, 1 at the clip itself, and 0 where a method knows nothing."""
+    with few(), reading(open_lake(large)) as con:
+        files = ShortlistFiles.open(open_lake(large), shortlist_of(open_lake(large)))
+        for name, kind in METHODS.items():
+            method = kind(open_lake(large), files, con)
+            clip, vectors = some(large, 1)[0], files.arrays[f"{name}-sketches"]
+            row = files.table["clip"].to_pylist().index(clip)
+            apart = np.linalg.norm(vectors[:, :-1] - vectors[row, :-1], axis=1)
+            known = np.isfinite(vectors[:, -1])
+            scale = np.sort(apart[known])[min(UNIT, known.sum()) - 1]
+            expected = np.where(known, 1 / (1 + apart / scale), 0)
+            np.testing.assert_allclose(method.likeness(method.of_row(row)), expected, atol=2e-3)
 
 
 def longest(root: Path, count: int) -> list[tuple[str, int, float]]:

@@ -1,7 +1,7 @@
 """The default search of a large lake: clips are chosen by short vectors, and compared as in a small one.
 
-Every method chooses by its own vectors, which stage "shortlist" keeps, and all that were chosen by any are compared by
-all. The answers by a method are then its nearest among these.
+Each method says by its own vectors, which stage "shortlist" keeps, how near every clip is, and those that are nearest
+by all methods together are compared by all. The answers by a method are then its nearest among these.
 """
 
 from __future__ import annotations
@@ -17,11 +17,10 @@ from motionlake.retrieval.asked import Asked, Ranking
 from motionlake.retrieval.hits import Hit, Match, clip_hit
 from motionlake.retrieval.lake_shortlist import LakeShortlist
 from motionlake.retrieval.protocol import Query, Scope
-from motionlake.retrieval.shortlist_methods import METHODS, THREADS, Answers, ByMoves, Method, Value
+from motionlake.retrieval.shortlist_methods import METHODS, THREADS, Answers, ByMoves, Method, Value, largest
 from motionlake.threads import in_threads, limited
 
-NEAR: Final = 500  # clips that a method chooses, at least
-COMPARED: Final = 500  # clips of those that any chose, at least, that a method compares in full
+CHOSEN: Final = 1500  # clips that are compared, at least
 
 
 class Cascade:
@@ -50,14 +49,9 @@ class Cascade:
                 failed.append(error)
         if failed and not values:
             raise failed[0]
-        admitted = self._clips.admits(scope.clips)
-        count = min(max(k, NEAR), int(np.isfinite(admitted).sum()))
-        chosen = in_threads(
-            lambda name: self._methods[name].choose(values[name], count, admitted), _last(values), THREADS
-        )
-        any_chose = np.zeros(len(admitted), dtype=np.bool_)
-        any_chose[np.concatenate(chosen)] = True
-        among = self._among(values, np.flatnonzero(any_chose), k, max(k, COMPARED))
+        near = in_threads(lambda name: self._methods[name].likeness(values[name]), _last(values), THREADS)
+        rows = np.sort(largest(sum(near, start=self._clips.admits(scope.clips)), max(k, CHOSEN)))
+        among = self._among(values, rows, k)
         by = {name: Ranking(found.tolist(), distances) for name, (found, distances) in among.items()}
         return Asked(by, None if query.clip is None else self._clips.place(query.clip), self._as_hits)
 
@@ -73,20 +67,24 @@ class Cascade:
         value = self._value(method, query, mirrored=mirrored)
         with limited(1):  # as of all methods together
             rows = np.sort(method.choose_alone(value, k + 1, self._clips.admits(scope.clips)))
-            found, distances = self._among({name: value}, rows, k + 1, max(k + 1, method.compared_alone))[name]
+            found, distances = self._among({name: value}, rows, k + 1, method.compared_alone)[name]
         own = self._clips.place(query.clip) if query.clip is not None and not scope.own else None
         kept = np.flatnonzero(found != (-1 if own is None else own))[:k]
         return self._as_hits(found[kept].tolist(), distances[kept].tolist())
 
-    def _among(self, values: Mapping[str, Value], rows: Int64Array, k: int, most: int) -> dict[str, Answers]:
-        """The k nearest of the clips of some rows by each method, each of which compares about `most` in full.
+    def _among(
+        self, values: Mapping[str, Value], rows: Int64Array, k: int, most: int | None = None
+    ) -> dict[str, Answers]:
+        """The k nearest of the clips of some rows by each method.
 
-        Threads share the clips of a method, moves first: they take longest.
+        Each compares about `most` of them in full, or as many as it does beside others, and k at least. Threads share
+        the clips of a method, moves first: they take longest.
         """
         shares: list[tuple[str, Int64Array, int]] = []
         for name in _last(values):
-            count = THREADS if self._methods[name].shared else 1
-            shares += [(name, rows[first::count], -(-most // count)) for first in range(count)]
+            method = self._methods[name]
+            count, compared = THREADS if method.shared else 1, max(k, most or method.compared)
+            shares += [(name, rows[first::count], -(-compared // count)) for first in range(count)]
 
         def work(share: tuple[str, Int64Array, int]) -> Answers:
             name, own, each = share

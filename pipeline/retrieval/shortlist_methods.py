@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from functools import cached_property
@@ -32,6 +33,9 @@ LOOKED_AT: Final = 5000  # clips whose outlines of moves are aligned
 ALONE: Final = 2000  # clips that a method chooses which is asked alone
 ALONE_STRINGS: Final = 6000  # of alignment: its vectors tell less, and strings are compared sooner than moves
 ALONE_MOVES: Final = 600  # of the clips that moves choose alone, those that are compared in full
+MOVES: Final = 400  # of the clips that all methods choose, those that moves compare in full
+UNIT: Final = 1000  # the distance by vectors of the clip at this place is the scale of others
+LEAST: Final = np.float32(1e-6)  # of such a distance
 SAMPLED: Final = 4096  # clips that tell the place of all others
 EVERY: Final = 4  # frames of moves, of which one is compared before all
 THREADS: Final = 2
@@ -42,7 +46,8 @@ class Method(ABC):
     """What a method keeps of every clip, and how it compares a query with it."""
 
     name: str
-    compared_alone: ClassVar[int] = ALONE  # clips that are compared in full where it is asked alone
+    compared: ClassVar[int] = sys.maxsize  # clips of those that all methods chose that are compared in full
+    compared_alone: ClassVar[int] = ALONE  # the same where it is asked alone
     shared: ClassVar[bool] = True  # several threads compare sooner than one
 
     def __init__(self, lake: Lake, files: ShortlistFiles, con: Connection) -> None:
@@ -69,9 +74,21 @@ class Method(ABC):
         Of more than `most`, which is at least k, those are compared in full that are likely to be the nearest.
         """
 
+    def likeness(self, value: Value) -> Float32Array:
+        """[n] how near every clip is by its vector, from 0 to 1: a half at the distance of the `UNIT`th nearest, and 0
+        where the method does not know it."""
+        sketch = self._directions.project(self.sketch(value))
+        apart = np.float32(sketch @ sketch) - 2 * nearness(self._kept, sketch)
+        np.sqrt(np.maximum(apart, 0, out=apart), out=apart)
+        known = int(np.isfinite(apart).sum())
+        if not known:
+            return np.zeros_like(apart)
+        place = min(UNIT, known) - 1
+        return np.asarray(1 / (1 + apart / max(np.partition(apart, place)[place], LEAST)))
+
     def choose(self, value: Value, count: int, admitted: Float32Array) -> Int64Array:
         """About so many rows that are likely to be the nearest of those admitted ([n] 0, else minus infinity)."""
-        return _largest(self._nearness(value) + admitted, count)
+        return largest(self._nearness(value) + admitted, count)
 
     def choose_alone(self, value: Value, k: int, admitted: Float32Array) -> Int64Array:
         """Rows that are likely to hold the k nearest, where no other method chooses any."""
@@ -96,8 +113,8 @@ def _places(values: Float32Array, there: BoolArray) -> Float32Array:
     return np.searchsorted(sample, values).astype(np.float32)
 
 
-def _largest(near: Float32Array, count: int) -> Int64Array:
-    """Rows of the `count` largest that are finite."""
+def largest(near: Float32Array, count: int) -> Int64Array:
+    """Rows of the `count` largest numbers, of those that are finite."""
     rows = np.argpartition(-near, count - 1)[:count] if count < len(near) else np.arange(len(near))
     return np.asarray(rows[np.isfinite(near[rows])], dtype=np.int64)
 
@@ -180,13 +197,13 @@ class ByAlignment(Method):
     def choose_alone(self, value: Value, k: int, admitted: Float32Array) -> Int64Array:
         near = self._nearness(value) + admitted
         bounds = bounds_of_strings(value, self._every, self._distances, self._config, threads=THREADS)
-        return _largest(_first_by_both(near, bounds), max(k, min(ALONE_STRINGS, len(near))))
+        return largest(_first_by_both(near, bounds), max(k, min(ALONE_STRINGS, len(near))))
 
     def among(self, value: Value, rows: Int64Array, k: int, most: int) -> Answers:
         strings = self._strings(rows)
         if len(rows) > most:
             bounds = bounds_of_strings(value, strings, self._distances, self._config)
-            rows = rows[_largest(_first_by_both(self._nearness(value, rows), bounds), most)]
+            rows = rows[largest(_first_by_both(self._nearness(value, rows), bounds), most)]
             strings = self._strings(rows)
         found = nearest_strings(value, strings, self._distances, k, self._config)  # of so few, in one thread
         return rows[[at for at, _ in found]], np.array([cost for _, cost in found])
@@ -204,6 +221,7 @@ class ByMoves(Method):
     """Moves, by dynamic time warping: first of outlines, moves at a few instants along a few directions."""
 
     name = "moves"
+    compared = MOVES
     compared_alone = ALONE_MOVES
 
     def __init__(self, lake: Lake, files: ShortlistFiles, con: Connection) -> None:
