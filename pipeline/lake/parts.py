@@ -11,7 +11,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-ROW_GROUP = 40_960  # rows a writer holds; DuckDB reads a group a thread, in vectors of 2,048
+ROW_GROUP = 16_384  # rows a writer holds, and who wants a clip reads; DuckDB reads a group a thread
 
 
 def sync_folder(folder: Path) -> None:
