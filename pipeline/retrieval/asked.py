@@ -14,10 +14,14 @@ Clip = TypeVar("Clip", str, int)  # the name of a clip, or its row in a table th
 
 
 class Ranking(NamedTuple, Generic[Clip]):
-    """The nearest clips by one method, nearest first, and their distances [m]."""
+    """The nearest clips by one method, nearest first, and their distances [m].
+
+    Where some clips alone were compared, those farther than `reach` are unlikely to be as many nearest of all.
+    """
 
     clips: Sequence[Clip]
     distances: Float64Array
+    reach: float = np.inf
 
 
 @dataclass(frozen=True)

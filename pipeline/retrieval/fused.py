@@ -188,7 +188,7 @@ class FusedSearcher(LakeSearcher):
         clips, distances = [found.clips[at] for at in others], found.distances[others]
         unit = scale(distances)
         equal = np.array([clip in same for clip in clips], dtype=np.bool_)
-        near = np.where(equal, 1.0, as_near(distances, np.float64(unit)))
+        near = np.where(equal, 1.0, as_near(np.minimum(distances, found.reach), np.float64(unit)))
         ways = None
         if graph and self._along and name in self._graph.methods:
             nodes, start = self._graph.of([str(clip) for clip in clips]), self._graph.nodes.get(str(own), NOWHERE)

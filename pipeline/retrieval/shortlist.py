@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
-from motionlake.arrays import Int64Array
+from motionlake.arrays import Float32Array, Float64Array, Int64Array
 from motionlake.errors import DamagedError, UserError
 from motionlake.lake.catalog import reading
 from motionlake.retrieval.asked import Asked, Ranking
@@ -49,11 +49,21 @@ class Cascade:
                 failed.append(error)
         if failed and not values:
             raise failed[0]
-        near = in_threads(lambda name: self._methods[name].likeness(values[name]), _last(values), THREADS)
-        rows = np.sort(largest(sum(near, start=self._clips.admits(scope.clips)), max(k, CHOSEN)))
-        among = self._among(values, rows, k)
-        by = {name: Ranking(found.tolist(), distances) for name, (found, distances) in among.items()}
+        admitted = self._clips.admits(scope.clips)
+        likeness = in_threads(lambda name: self._methods[name].likeness(values[name]), _last(values), THREADS)
+        near = {name: each + admitted for name, each in zip(_last(values), likeness, strict=True)}
+        rows = np.sort(largest(sum(likeness, start=admitted), max(k, CHOSEN)))
+        by = {name: Ranking(found.tolist(), distances, self._reach(name, near[name], rows, k, distances))
+              for name, (found, distances) in self._among(values, rows, k).items()}  # fmt: skip
         return Asked(by, None if query.clip is None else self._clips.place(query.clip), self._as_hits)
+
+    def _reach(self, name: str, near: Float32Array, rows: Int64Array, k: int, distances: Float64Array) -> float:
+        """The distance of the last clip of some rows that is likely to be among the k nearest of all: as many of them
+        are among the k nearest by vectors. Infinite where vectors do not tell."""
+        if not self._methods[name].told_by_vectors or not len(distances) or k >= len(near):
+            return np.inf
+        there = int((near[rows] >= -np.partition(-near, k - 1)[k - 1]).sum())
+        return float(distances[min(max(there, 1), len(distances)) - 1])
 
     def by(self, name: str, query: Query, k: int, scope: Scope, *, mirrored: bool) -> list[Hit]:
         """The k nearest by one method, of those that it chooses by its own vectors; not ranked yet.

@@ -33,7 +33,7 @@ LOOKED_AT: Final = 5000  # clips whose outlines of moves are aligned
 ALONE: Final = 2000  # clips that a method chooses which is asked alone
 ALONE_STRINGS: Final = 6000  # of alignment: its vectors tell less, and strings are compared sooner than moves
 ALONE_MOVES: Final = 600  # of the clips that moves choose alone, those that are compared in full
-MOVES: Final = 400  # of the clips that all methods choose, those that moves compare in full
+MOVES: Final = 600  # of the clips that all methods choose, those that moves compare in full
 UNIT: Final = 1000  # the distance by vectors of the clip at this place is the scale of others
 LEAST: Final = np.float32(1e-6)  # of such a distance
 SAMPLED: Final = 4096  # clips that tell the place of all others
@@ -49,6 +49,7 @@ class Method(ABC):
     compared: ClassVar[int] = sys.maxsize  # clips of those that all methods chose that are compared in full
     compared_alone: ClassVar[int] = ALONE  # the same where it is asked alone
     shared: ClassVar[bool] = True  # several threads compare sooner than one
+    told_by_vectors: ClassVar[bool] = False  # how many of its nearest are among some clips, their vectors tell
 
     def __init__(self, lake: Lake, files: ShortlistFiles, con: Connection) -> None:
         self.lake, self.files = lake, files
@@ -124,6 +125,7 @@ class BySignature(Method):
 
     name = "signature"
     shared = False  # the k nearest of all are found with fewer transports than those of each share
+    told_by_vectors = True
 
     def __init__(self, lake: Lake, files: ShortlistFiles, con: Connection) -> None:
         super().__init__(lake, files, con)
