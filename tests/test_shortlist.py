@@ -130,7 +130,7 @@ def test_answers_are_those_of_comparing_every_clip(large: Path, clips_folder: Pa
 def test_few_chosen_clips_hold_the_nearest(large: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("motionlake.retrieval.shortlist.CHOSEN", 12)
     monkeypatch.setattr("motionlake.retrieval.shortlist_methods.UNIT", 12)
-    monkeypatch.setattr("motionlake.retrieval.shortlist_methods.ByMoves.compared", 6)
+    monkeypatch.setattr("motionlake.retrieval.shortlist.IN_FULL", 6)
     monkeypatch.setattr("motionlake.retrieval.fused.REACH", 5)
     found = []
     for clip in some(large, 99):

@@ -6,21 +6,25 @@ by all methods together are compared by all. The answers by a method are then it
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, Int64Array
 from motionlake.errors import DamagedError, UserError
 from motionlake.lake.catalog import reading
+from motionlake.motion.diffusion import scale
 from motionlake.retrieval.asked import Asked, Ranking
 from motionlake.retrieval.hits import Hit, Match, clip_hit
 from motionlake.retrieval.lake_shortlist import LakeShortlist
 from motionlake.retrieval.protocol import Query, Scope
-from motionlake.retrieval.shortlist_methods import METHODS, THREADS, Answers, ByMoves, Method, Value, largest
+from motionlake.retrieval.shortlist_methods import LEAST, METHODS, THREADS, Answers, ByMoves, Method, Value, largest
+from motionlake.retrieval.weighing import WEIGHTS, as_near
 from motionlake.threads import in_threads, limited
 
 CHOSEN: Final = 1500  # clips that are compared, at least
+IN_FULL: Final = 300  # of these, those that are compared by all frames of moves, at least
 
 
 class Cascade:
@@ -53,9 +57,40 @@ class Cascade:
         likeness = in_threads(lambda name: self._methods[name].likeness(values[name]), _last(values), THREADS)
         near = {name: each + admitted for name, each in zip(_last(values), likeness, strict=True)}
         rows = np.sort(largest(sum(likeness, start=admitted), max(k, CHOSEN)))
+        first = self._shared({name: self._methods[name].first for name in values}, values, rows, k)
         by = {name: Ranking(found.tolist(), distances, self._reach(name, near[name], rows, k, distances))
-              for name, (found, distances) in self._among(values, rows, k).items()}  # fmt: skip
+              for name, (found, distances) in first.items() if name != ByMoves.name}  # fmt: skip
+        if ByMoves.name in first:
+            by[ByMoves.name] = self._moves(values[ByMoves.name], *first[ByMoves.name], by, k)
         return Asked(by, None if query.clip is None else self._clips.place(query.clip), self._as_hits)
+
+    def _moves(
+        self, value: Value, rows: Int64Array, rough: Float64Array, others: Mapping[str, Ranking[int]], k: int
+    ) -> Ranking[int]:
+        """The k nearest by moves of those clips that are likely to be near by all methods together.
+
+        Args:
+            value: of the query.
+            rows, rough: all clips, and about how far each is, nearest first.
+            others: what the other methods found.
+            k: how many.
+        """
+        if not len(rows):
+            return Ranking([], rough)
+        name, method = ByMoves.name, self._methods[ByMoves.name]
+        near = WEIGHTS[name] * as_near(rough, np.float64(scale(rough)))
+        for other, ranking in others.items():
+            near += WEIGHTS[other] * _of_rows(rows, ranking)
+        likely = np.sort(largest(near, max(k, IN_FULL)))
+        most = len(likely)
+        compare = {name: partial(method.among, most=most)}
+        found, distances = self._shared(compare, {name: value}, np.sort(rows[likely]), most)[name]
+        if len(rows) <= k:
+            return Ranking(found.tolist(), distances)
+        # Not all of the k nearest need have been compared: how far they reach follows from about how far they are.
+        places = np.argsort(found)[np.searchsorted(np.sort(found), rows[likely])]
+        reach = np.median(distances[places] / np.maximum(rough[likely], LEAST)) * rough[k]
+        return Ranking(found[:k].tolist(), distances[:k], float(reach))
 
     def _reach(self, name: str, near: Float32Array, rows: Int64Array, k: int, distances: Float64Array) -> float:
         """The distance of the last clip of some rows that is likely to be among the k nearest of all: as many of them
@@ -77,34 +112,34 @@ class Cascade:
         value = self._value(method, query, mirrored=mirrored)
         with limited(1):  # as of all methods together
             rows = np.sort(method.choose_alone(value, k + 1, self._clips.admits(scope.clips)))
-            found, distances = self._among({name: value}, rows, k + 1, method.compared_alone)[name]
+            most = -(-max(k + 1, method.compared_alone) // self._sharing(name))
+            compare = partial(method.among, most=most)
+            found, distances = self._shared({name: compare}, {name: value}, rows, k + 1)[name]
         own = self._clips.place(query.clip) if query.clip is not None and not scope.own else None
         kept = np.flatnonzero(found != (-1 if own is None else own))[:k]
         return self._as_hits(found[kept].tolist(), distances[kept].tolist())
 
-    def _among(
-        self, values: Mapping[str, Value], rows: Int64Array, k: int, most: int | None = None
-    ) -> dict[str, Answers]:
-        """The k nearest of the clips of some rows by each method.
+    def _shared(
+        self, compare: Mapping[str, Callable[[Value, Int64Array, int], Answers]], values: Mapping[str, Value],
+        rows: Int64Array, k: int,
+    ) -> dict[str, Answers]:  # fmt: skip
+        """What each way to compare finds among the clips of some rows, nearest first.
 
-        Each compares about `most` of them in full, or as many as it does beside others, and k at least. Threads share
-        the clips of a method, moves first: they take longest.
+        Threads share the clips of a method, moves first: they take longest.
         """
-        shares: list[tuple[str, Int64Array, int]] = []
+        shares: list[tuple[str, Int64Array]] = []
         for name in _last(values):
-            method = self._methods[name]
-            count, compared = THREADS if method.shared else 1, max(k, most or method.compared)
-            shares += [(name, rows[first::count], -(-compared // count)) for first in range(count)]
-
-        def work(share: tuple[str, Int64Array, int]) -> Answers:
-            name, own, each = share
-            return self._methods[name].among(values[name], own, k, each)
-
-        found = in_threads(work, shares, THREADS)
+            count = self._sharing(name)
+            shares += [(name, rows[first::count]) for first in range(count)]
+        found = in_threads(lambda share: compare[share[0]](values[share[0]], share[1], k), shares, THREADS)
         answers: dict[str, list[Answers]] = {name: [] for name in values}
-        for (name, *_), answer in zip(shares, found, strict=True):
+        for (name, _), answer in zip(shares, found, strict=True):
             answers[name].append(answer)
-        return {name: _merged(parts, k) for name, parts in answers.items()}
+        most = {name: len(rows) if name == ByMoves.name else k for name in values}
+        return {name: _merged(parts, most[name]) for name, parts in answers.items()}
+
+    def _sharing(self, name: str) -> int:
+        return THREADS if self._methods[name].shared else 1
 
     def _as_hits(self, rows: Sequence[int], distances: Sequence[float]) -> list[Hit]:
         return [clip_hit(self._clips.facts(row), distance) for row, distance in zip(rows, distances, strict=True)]
@@ -138,3 +173,13 @@ def _merged(parts: Sequence[Answers], k: int) -> Answers:
     rows, distances = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     order = np.lexsort((rows, distances))[:k]
     return rows[order], distances[order]
+
+
+def _of_rows(rows: Int64Array, found: Ranking[int]) -> Float64Array:
+    """[n] how near some rows are by a method; of those that it did not find, as near as the last."""
+    if not found.clips:
+        return np.zeros(len(rows))
+    near = as_near(np.minimum(found.distances, found.reach), np.float64(scale(found.distances)))
+    known, order = np.sort(found.clips), np.argsort(found.clips)
+    place = np.minimum(np.searchsorted(known, rows), len(known) - 1)
+    return np.where(known[place] == rows, near[order[place]], near[-1])

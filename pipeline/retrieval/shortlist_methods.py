@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 import numpy as np
-from motionlake.arrays import BoolArray, Float32Array, Float64Array, Int64Array
+from motionlake.arrays import BoolArray, Float32Array, Float64Array, FloatArray, Int64Array
 from motionlake.deep_motifs.emd import ground_distances
 from motionlake.deep_motifs.emd_search import SignatureIndex
 from motionlake.lake.catalog import Connection, fetch
@@ -33,7 +32,6 @@ LOOKED_AT: Final = 5000  # clips whose outlines of moves are aligned
 ALONE: Final = 2000  # clips that a method chooses which is asked alone
 ALONE_STRINGS: Final = 6000  # of alignment: its vectors tell less, and strings are compared sooner than moves
 ALONE_MOVES: Final = 600  # of the clips that moves choose alone, those that are compared in full
-MOVES: Final = 600  # of the clips that all methods choose, those that moves compare in full
 UNIT: Final = 1000  # the distance by vectors of the clip at this place is the scale of others
 LEAST: Final = np.float32(1e-6)  # of such a distance
 SAMPLED: Final = 4096  # clips that tell the place of all others
@@ -46,8 +44,7 @@ class Method(ABC):
     """What a method keeps of every clip, and how it compares a query with it."""
 
     name: str
-    compared: ClassVar[int] = sys.maxsize  # clips of those that all methods chose that are compared in full
-    compared_alone: ClassVar[int] = ALONE  # the same where it is asked alone
+    compared_alone: ClassVar[int] = ALONE  # clips that are compared in full where it is asked alone
     shared: ClassVar[bool] = True  # several threads compare sooner than one
     told_by_vectors: ClassVar[bool] = False  # how many of its nearest are among some clips, their vectors tell
 
@@ -74,6 +71,10 @@ class Method(ABC):
 
         Of more than `most`, which is at least k, those are compared in full that are likely to be the nearest.
         """
+
+    def first(self, value: Value, rows: Int64Array, k: int) -> Answers:
+        """The k nearest of the clips of some rows that all methods chose."""
+        return self.among(value, rows, k, len(rows))
 
     def likeness(self, value: Value) -> Float32Array:
         """[n] how near every clip is by its vector, from 0 to 1: a half at the distance of the `UNIT`th nearest, and 0
@@ -114,7 +115,7 @@ def _places(values: Float32Array, there: BoolArray) -> Float32Array:
     return np.searchsorted(sample, values).astype(np.float32)
 
 
-def largest(near: Float32Array, count: int) -> Int64Array:
+def largest(near: FloatArray, count: int) -> Int64Array:
     """Rows of the `count` largest numbers, of those that are finite."""
     rows = np.argpartition(-near, count - 1)[:count] if count < len(near) else np.arange(len(near))
     return np.asarray(rows[np.isfinite(near[rows])], dtype=np.int64)
@@ -223,7 +224,6 @@ class ByMoves(Method):
     """Moves, by dynamic time warping: first of outlines, moves at a few instants along a few directions."""
 
     name = "moves"
-    compared = MOVES
     compared_alone = ALONE_MOVES
 
     def __init__(self, lake: Lake, files: ShortlistFiles, con: Connection) -> None:
@@ -254,11 +254,16 @@ class ByMoves(Method):
         apart = stack.spread(aligned(outline, stack))
         return rows[np.argpartition(apart, count - 1)[:count]]
 
+    def first(self, value: Value, rows: Int64Array, k: int) -> Answers:
+        """All clips of these that have moves, by some of their frames: about how far each is."""
+        known = rows[self.files.numbers("frames")[rows] > 0]
+        stack = Stack.of_halves(*self.files.moves.at(known, EVERY))
+        return known, stack.spread(aligned(np.ascontiguousarray(value[::EVERY]), stack))
+
     def among(self, value: Value, rows: Int64Array, k: int, most: int) -> Answers:
         known = rows[self.files.numbers("frames")[rows] > 0]
         if len(known) > most:
-            stack = Stack.of_halves(*self.files.moves.at(known, EVERY))
-            apart = stack.spread(aligned(np.ascontiguousarray(value[::EVERY]), stack))
+            known, apart = self.first(value, known, k)
             known = np.sort(known[np.argpartition(apart, most - 1)[:most]])
         frames, starts, counts = self.files.moves.at(known)
         stack = Stack.of_halves(frames, starts, counts)
