@@ -24,7 +24,7 @@ from motionlake.retrieval.weighing import WEIGHTS, as_near
 from motionlake.threads import in_threads, limited
 
 CHOSEN: Final = 1500  # clips that are compared, at least
-IN_FULL: Final = 300  # of these, those that are compared by all frames of moves, at least
+IN_FULL: Final = 200  # of these, those that are compared by all frames of moves, where not twice as many are asked for
 
 
 class Cascade:
@@ -81,15 +81,15 @@ class Cascade:
         near = WEIGHTS[name] * as_near(rough, np.float64(scale(rough)))
         for other, ranking in others.items():
             near += WEIGHTS[other] * _of_rows(rows, ranking)
-        likely = np.sort(largest(near, max(k, IN_FULL)))
+        likely = np.sort(largest(near, IN_FULL if k < 2 * IN_FULL else k))
         most = len(likely)
         compare = {name: partial(method.among, most=most)}
         found, distances = self._shared(compare, {name: value}, np.sort(rows[likely]), most)[name]
-        if len(rows) <= k:
-            return Ranking(found.tolist(), distances)
+        if most == len(rows):
+            return Ranking(found[:k].tolist(), distances[:k])
         # Not all of the k nearest need have been compared: how far they reach follows from about how far they are.
         places = np.argsort(found)[np.searchsorted(np.sort(found), rows[likely])]
-        reach = np.median(distances[places] / np.maximum(rough[likely], LEAST)) * rough[k]
+        reach = np.median(distances[places] / np.maximum(rough[likely], LEAST)) * rough[min(k, len(rows) - 1)]
         return Ranking(found[:k].tolist(), distances[:k], float(reach))
 
     def _reach(self, name: str, near: Float32Array, rows: Int64Array, k: int, distances: Float64Array) -> float:
