@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
-from contextlib import AbstractContextManager
+from contextlib import ExitStack, contextmanager
 from functools import cache, lru_cache
-from itertools import count
-from threading import local
+from threading import Lock, local
 from typing import Final, TypeVar
 
 from threadpoolctl import ThreadpoolController
@@ -19,14 +19,44 @@ Found = TypeVar("Found")
 _own: Final = local()
 
 
-def limited(count: int) -> AbstractContextManager[object]:
+@contextmanager
+def limited(count: int) -> Iterator[None]:
     """Within the block, the libraries of linear algebra that are loaded by now run on so many threads.
 
-    To look for them takes milliseconds, more than the work of a clip, so it is done again only where modules were
-    imported since.
+    Blocks of several threads may overlap: libraries get their own number back when the last one ends.
     """
-    within: AbstractContextManager[object] = _libraries(len(sys.modules)).limit(limits=count)
-    return within
+    with _limits_lock:
+        held = _limits.setdefault(count, _Limits())
+        held.blocks += 1
+        held.extend(count)
+    try:
+        yield
+    finally:
+        with _limits_lock:
+            held.blocks -= 1
+            if not held.blocks:
+                del _limits[count]
+                held.within.close()
+
+
+class _Limits:
+    """What blocks of one number of threads have limited."""
+
+    def __init__(self) -> None:
+        self.blocks, self.within = 0, ExitStack()
+        self._seen: ThreadpoolController | None = None
+
+    def extend(self, count: int) -> None:
+        """Limit what was loaded since. To look for it takes milliseconds, more than the work of a clip, so it is done
+        again only where modules were imported since."""
+        found = _libraries(len(sys.modules))
+        if found is not self._seen:
+            self._seen = found
+            self.within.enter_context(found.limit(limits=count))
+
+
+_limits: Final[dict[int, _Limits]] = {}
+_limits_lock: Final = Lock()
 
 
 @lru_cache(maxsize=1)
@@ -45,12 +75,16 @@ def in_threads(work: Callable[[Part], Found], parts: Sequence[Part], threads: in
     """
     if min(len(parts), threads) <= 1 or getattr(_own, "shares", False):
         return [work(part) for part in parts]
-    numbers, found, raised = count(), dict[int, Found](), dict[int, Exception]()
+    left, found, raised = deque(range(len(parts))), dict[int, Found](), dict[int, Exception]()
 
     def share() -> None:
         _own.shares = True
         try:
-            while (number := next(numbers)) < len(parts):  # to count takes one step: no two threads get a number
+            while True:
+                try:
+                    number = left.popleft()
+                except IndexError:
+                    return
                 try:
                     found[number] = work(parts[number])
                 except Exception as error:
@@ -59,8 +93,11 @@ def in_threads(work: Callable[[Part], Found], parts: Sequence[Part], threads: in
             _own.shares = False
 
     others = [_kept(os.getpid()).submit(share) for _ in range(min(len(parts), threads) - 1)]
-    share()
-    wait([other for other in others if not other.cancel()])
+    try:
+        share()
+    finally:
+        left.clear()  # who interrupts this thread wants no more of it done
+        wait([other for other in others if not other.cancel()])
     if raised:
         raise raised[min(raised)]
     return [found[number] for number in range(len(parts))]

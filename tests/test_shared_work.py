@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from threading import Barrier, get_ident
+from time import sleep
 
 import pytest
 from hypothesis import given, settings
@@ -55,3 +56,20 @@ def test_the_first_error_is_told() -> None:
     with pytest.raises(ValueError, match=r"^1$"):
         in_threads(work, list(range(9)), 3)
     assert in_threads(str, [1, 2, 3], 3) == ["1", "2", "3"]
+
+
+def test_who_interrupts_ends_what_is_left() -> None:
+    done: list[int] = []
+
+    def work(part: int) -> None:
+        done.append(part)
+        if get_ident() == own:
+            raise KeyboardInterrupt
+        sleep(0.01)
+
+    own = get_ident()
+    with pytest.raises(KeyboardInterrupt):
+        in_threads(work, list(range(1000)), 2)
+    before = len(done)
+    sleep(0.05)
+    assert before == len(done) < 1000

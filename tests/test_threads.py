@@ -50,3 +50,20 @@ with limited(1):
     print(threads())
 """
     assert told(code).splitlines() == ["True {2}", "{1}"]
+
+
+def test_blocks_of_several_threads_may_overlap() -> None:
+    """The first to begin ends first; a number that the other found would be no library's own."""
+    code = """
+one, other = limited(1), limited(1)
+one.__enter__()
+other.__enter__()
+one.__exit__(None, None, None)
+print(threads())
+import scipy.linalg
+with limited(1):
+    print(threads())
+other.__exit__(None, None, None)
+print(threads())
+"""
+    assert told(code).splitlines() == ["{1}", "{1}", "{2}"]
