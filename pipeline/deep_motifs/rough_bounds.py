@@ -1,6 +1,6 @@
 """Rough lower bounds of all windows of many clips: kernels of `range_bounds`.
 
-A few thousand words are looked at together, whatever clips they are of. What words add is summed up first, each word
+About a thousand words are looked at together, whatever clips they are of. What words add is summed up first, each word
 after the last, and then the sums of all windows are differences of two of these, many side by side. Sums are whole
 numbers, whose differences are right even where the sums themselves are too great for them.
 """

@@ -110,9 +110,9 @@ def _add_products(query: Float32Array, track: Float32Array, term: int, found: Fl
 def _add_product(point: Float32Array, x: np.float32, y: np.float32, z: np.float32, sums: Float32Array) -> None:
     """Add to sums [96] those of a point [96] of frames of the query and one of a frame of the track."""
     for i in range(_SIDE):
-        sums[i] += point[i] * x + point[i + 64] * z
-        sums[i + 32] += point[i + 64] * x - point[i] * z
-        sums[i + 64] += point[i + 32] * y
+        sums[i] += point[i] * x + point[i + 2 * _SIDE] * z
+        sums[i + _SIDE] += point[i + 2 * _SIDE] * x - point[i] * z
+        sums[i + 2 * _SIDE] += point[i + _SIDE] * y
 
 
 @njit(cache=True, nogil=True)
@@ -124,29 +124,23 @@ def distances_of(shared: Shared, starts: Int64Array, width: int) -> Float64Array
         length = np.sqrt(ahead * ahead + aside * aside)
         turns[at, 0], turns[at, 1] = (ahead / length, aside / length) if length > SILENT else (1.0, 0.0)
     found = np.empty(len(starts), np.float32)
-    _windows(
-        shared.joints, shared.products, shared.started, shared.path, shared.norms, shared.speeds, shared.sizes, starts,
-        turns, width, found,
-    )  # fmt: skip
+    _windows(shared, starts, turns, width, found)
     return (found / np.float32(len(shared.norms) + width)).astype(np.float64)
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz", "arcp"})
-def _windows(
-    joints: Float32Array, products: Float32Array, started: Float32Array, path: Float32Array, norms: Float32Array,
-    speeds: Float32Array, sizes: Float32Array, starts: Int64Array, turns: Float32Array, width: int, out: Float32Array,
-) -> None:  # fmt: skip
+def _windows(shared: Shared, starts: Int64Array, turns: Float32Array, width: int, out: Float32Array) -> None:
     """Kernel: summed costs of the cheapest paths from a query [n] to windows of a track [N], eight side by side.
 
     Args:
-        joints, products, started, path, norms, speeds, sizes: as `Shared` has them.
+        shared: of both.
         starts: [s] of the windows.
         turns: [s, 2] cosine and sine of where each faces.
         width: frames of a window.
         out: [s].
     """
-    n, blocks, zero, inf = len(norms), products.shape[1], np.float32(0), np.float32(np.inf)
-    posture = np.empty(joints.shape[1], np.float32)
+    products = shared.products
+    n, blocks, zero, inf = len(shared.norms), products.shape[1], np.float32(0), np.float32(np.inf)
     # Of each window: what each of its frames adds, what products are multiplied by, and what each frame of the query
     # adds; distances of the query's frames from one of its frames, and the costs of paths to them.
     own, by = np.empty((8, width), np.float32), np.empty((8, _TERMS), np.float32)
@@ -155,40 +149,7 @@ def _windows(
     for first in range(0, len(starts), 8):
         lanes = min(8, len(starts) - first)
         for lane in range(lanes):
-            start = starts[first + lane]
-            last = start + width - 1
-            for d in range(len(posture)):
-                posture[d] = (joints[start, d] + joints[start + 1, d] + joints[last - 1, d] + joints[last, d]) / 4
-            spread, speed = zero, zero
-            for j in range(width):
-                far = zero
-                for d in range(len(posture)):
-                    far += (joints[start + j, d] - posture[d]) ** 2
-                own[lane, j] = far
-                spread += far
-                speed += speeds[start + j]
-            root = max(np.sqrt(spread / width), SILENT) / DISPLACEMENT_COUNT
-            rate = max(np.sqrt(speed / width), SILENT)
-            for j in range(width):
-                way = zero
-                for d in range(3):
-                    way += (path[start + j, d] - path[start, d]) ** 2
-                own[lane, j] = own[lane, j] / (root * root) + speeds[start + j] / (rate * rate)
-                own[lane, j] += sizes[start + j] + way
-            cosine, sine = turns[first + lane, 0], turns[first + lane, 1]
-            by[lane, 0], by[lane, 1], by[lane, 2] = 2 * cosine / root, 2 * sine / root, 2 / root
-            by[lane, 3], by[lane, 4], by[lane, 5] = 2 * cosine / rate, 2 * sine / rate, 2 / rate
-            by[lane, 6], by[lane, 7], by[lane, 8] = 2 * cosine, 2 * sine, 2
-            for block in range(blocks):
-                ends = (
-                    products[start, block],
-                    products[start + 1, block],
-                    products[last - 1, block],
-                    products[last, block],
-                )
-                _base(*ends, started[start, block], by[lane], base[lane, block])
-            for i in range(n):
-                base[lane, i // _SIDE, i % _SIDE] += norms[i]
+            _prepare(shared, starts[first + lane], turns[first + lane], own[lane], by[lane], base[lane])
         column[:] = inf
         for j in range(width):
             for lane in range(lanes):
@@ -209,6 +170,53 @@ def _windows(
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz", "arcp"})
+def _prepare(
+    shared: Shared, start: int, turn: Float32Array, own: Float32Array, by: Float32Array, base: Float32Array
+) -> None:
+    """Kernel: what distances of frames from those of a window are made of.
+
+    Args:
+        shared: of the query and the track.
+        start: of the window.
+        turn: [2] cosine and sine of where it faces.
+        own: [w] what each of its frames adds.
+        by: [9] what products are multiplied by, those of displacements first.
+        base: [B, 32] what each frame of the query adds.
+    """
+    joints, path, width, zero = shared.joints, shared.path, len(own), np.float32(0)
+    last = start + width - 1
+    posture = np.empty(joints.shape[1], np.float32)
+    for d in range(len(posture)):
+        posture[d] = (joints[start, d] + joints[start + 1, d] + joints[last - 1, d] + joints[last, d]) / 4
+    spread, speed = zero, zero
+    for j in range(width):
+        far = zero
+        for d in range(len(posture)):
+            far += (joints[start + j, d] - posture[d]) ** 2
+        own[j] = far
+        spread += far
+        speed += shared.speeds[start + j]
+    root = max(np.sqrt(spread / width), SILENT) / DISPLACEMENT_COUNT
+    rate = max(np.sqrt(speed / width), SILENT)
+    for j in range(width):
+        way = zero
+        for d in range(3):
+            way += (path[start + j, d] - path[start, d]) ** 2
+        own[j] = own[j] / (root * root) + shared.speeds[start + j] / (rate * rate)
+        own[j] += shared.sizes[start + j] + way
+    cosine, sine = turn[0], turn[1]
+    by[0], by[1], by[2] = 2 * cosine / root, 2 * sine / root, 2 / root
+    by[3], by[4], by[5] = 2 * cosine / rate, 2 * sine / rate, 2 / rate
+    by[6], by[7], by[8] = 2 * cosine, 2 * sine, 2
+    for block in range(len(base)):
+        begin = shared.products[start, block], shared.products[start + 1, block]
+        end = shared.products[last - 1, block], shared.products[last, block]
+        _base(*begin, *end, shared.started[start, block], by, base[block])
+    for i in range(len(shared.norms)):
+        base[i // _SIDE, i % _SIDE] += shared.norms[i]
+
+
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz", "arcp"})
 def _base(
     first: Float32Array, second: Float32Array, before: Float32Array, last: Float32Array, started: Float32Array,
     by: Float32Array, found: Float32Array,
@@ -224,9 +232,9 @@ def _base(
     a, b, c, g, h, k = by[0] / 4, by[1] / 4, by[2] / 4, by[6], by[7], by[8]
     for i in range(_SIDE):
         ends = a * (first[i] + second[i] + before[i] + last[i])
-        ends += b * (first[i + 32] + second[i + 32] + before[i + 32] + last[i + 32])
-        ends += c * (first[i + 64] + second[i + 64] + before[i + 64] + last[i + 64])
-        found[i] = ends + g * started[i] + h * started[i + 32] + k * started[i + 64]
+        ends += b * (first[i + _SIDE] + second[i + _SIDE] + before[i + _SIDE] + last[i + _SIDE])
+        ends += c * (first[i + 2 * _SIDE] + second[i + 2 * _SIDE] + before[i + 2 * _SIDE] + last[i + 2 * _SIDE])
+        found[i] = ends + g * started[i] + h * started[i + _SIDE] + k * started[i + 2 * _SIDE]
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz", "arcp"})
@@ -243,7 +251,16 @@ def _apart(products: Float32Array, base: Float32Array, own: np.float32, by: Floa
     a, b, c, d, e, f, g, h, k = by[0], by[1], by[2], by[3], by[4], by[5], by[6], by[7], by[8]
     for i in range(_SIDE):
         near = (
-            a * products[i] + b * products[i + 32] + c * products[i + 64] + d * products[i + 96] + e * products[i + 128]
+            a * products[i]
+            + b * products[i + _SIDE]
+            + c * products[i + 2 * _SIDE]
+            + d * products[i + 3 * _SIDE]
+            + e * products[i + 4 * _SIDE]
         )
-        near += f * products[i + 160] + g * products[i + 192] + h * products[i + 224] + k * products[i + 256]
+        near += (
+            f * products[i + 5 * _SIDE]
+            + g * products[i + 6 * _SIDE]
+            + h * products[i + 7 * _SIDE]
+            + k * products[i + 8 * _SIDE]
+        )
         found[i] = np.sqrt(max(base[i] + own - near, np.float32(0)))
