@@ -23,6 +23,7 @@ from motionlake.motion.dtw import clip_dtw, clip_path
 from motionlake.motion.skeleton import COMMON
 from motionlake.motion.sketches import Directions, instants, nearness, searchable
 from motionlake.retrieval import narrowed
+from motionlake.retrieval.asked import Ranking
 from motionlake.retrieval.chosen import ChosenSearcher
 from motionlake.retrieval.descriptor import DescriptorSearcher
 from motionlake.retrieval.fused import FusedSearcher
@@ -157,6 +158,52 @@ def test_likeness_is_of_distances_of_vectors(large: Path) -> None:
             np.testing.assert_allclose(method.likeness(method.of_row(row)), expected, atol=2e-3)
 
 
+def test_nearest_reach_as_far_as_of_all_clips(large: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By signatures as many of the chosen clips count as are among the k nearest of all by vectors; by moves about how
+    far the clip at that place is, as much farther as others are in full."""
+    k = 6
+    monkeypatch.setattr("motionlake.retrieval.shortlist.CHOSEN", 12)
+    monkeypatch.setattr("motionlake.retrieval.shortlist_methods.UNIT", 12)
+    monkeypatch.setattr("motionlake.retrieval.shortlist.IN_FULL", 5)
+    with few():
+        search = FusedSearcher(open_lake(large), graph=False)
+        assert search._cascade is not None
+        methods, signatures = search._cascade._methods, 0
+        for clip in some(large, 99):
+            asked = search._cascade.nearest(Query(clip), k, Scope(), mirrored=False, failed=[])
+            row, every = search._cascade._clips.row(clip), np.arange(len(search._cascade.files.table))
+            of = {name: methods[name].of_row(row) for name in methods}
+            total = sum(methods[name].likeness(of[name]) for name in methods)
+            chosen = np.sort(np.argsort(-total, kind="stable")[:12])
+
+            near = methods["signature"].likeness(of["signature"])
+            there = int((near[chosen] >= np.sort(near)[-k]).sum())
+            _, distances = methods["signature"].among(of["signature"], chosen, 99, 99)
+            assert asked.by["signature"].reach == np.sort(distances)[min(max(1, there), k) - 1]
+            signatures += there < k
+
+            rows, rough = methods["moves"].first(of["moves"], chosen, k)
+            found, distances = methods["moves"].among(of["moves"], every, 999, 999)
+            compared = dict(zip(found.tolist(), distances.tolist(), strict=True))
+            ranking = asked.by["moves"]
+            assert len(ranking.clips) == 5
+            assert ranking.distances.tolist() == pytest.approx([compared[clip] for clip in ranking.clips], abs=1e-5)
+            about = dict(zip(rows.tolist(), rough.tolist(), strict=True))
+            ratios = [compared[clip] / max(about[clip], 1e-6) for clip in ranking.clips]
+            assert ranking.reach == pytest.approx(np.median(ratios) * np.sort(rough)[k], rel=1e-4)
+    assert signatures, "some of the nearest were not chosen, or nothing was looked at"
+
+
+def test_what_lies_beyond_the_reach_is_as_near_as_the_last(large: Path) -> None:
+    with few():
+        search = FusedSearcher(open_lake(large), graph=False)
+    distances = np.array([0.1, 0.2, 0.3, 0.4])
+    view = search._view("signature", Ranking([5, 6, 7, 8], distances, 0.25), None, set())
+    near = search._view("signature", Ranking([5, 6, 7, 8], distances), None, set()).near
+    assert view.near.tolist()[:2] == near.tolist()[:2]
+    assert near[2] < view.near[2] == view.near[3] < near[1]
+
+
 def longest(root: Path, count: int) -> list[tuple[str, int, float]]:
     """Clip, frames and rate of those that last longest."""
     text = "SELECT clip, frames, fps FROM clips JOIN symbol_strings USING (clip) JOIN signatures USING (clip)"
@@ -287,7 +334,7 @@ def test_one_method_alone(large: Path, clips_folder: Path, method: str, monkeypa
     )
     for name, count in (("ALONE", 8), ("ALONE_STRINGS", 8), ("LOOKED_AT", 10)):
         monkeypatch.setattr(f"motionlake.retrieval.shortlist_methods.{name}", count)
-    monkeypatch.setattr(METHODS[method], "compared_alone", 7)
+    monkeypatch.setattr(METHODS[method], "compared", 7)
     found = []
     for name in some(large, 99):
         (ours,), (right,) = by.search([Query(name)], 2), exact.search([Query(name)], 2)

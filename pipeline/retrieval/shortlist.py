@@ -58,7 +58,7 @@ class Cascade:
         near = {name: each + admitted for name, each in zip(_last(values), likeness, strict=True)}
         rows = np.sort(largest(sum(likeness, start=admitted), max(k, CHOSEN)))
         first = self._shared({name: self._methods[name].first for name in values}, values, rows, k)
-        by = {name: Ranking(found.tolist(), distances, self._reach(name, near[name], rows, k, distances))
+        by = {name: Ranking(found[:k].tolist(), distances[:k], self._reach(name, near[name], rows, k, distances[:k]))
               for name, (found, distances) in first.items() if name != ByMoves.name}  # fmt: skip
         if ByMoves.name in first:
             by[ByMoves.name] = self._moves(values[ByMoves.name], *first[ByMoves.name], by, k)
@@ -80,7 +80,7 @@ class Cascade:
         name, method = ByMoves.name, self._methods[ByMoves.name]
         near = WEIGHTS[name] * as_near(rough, np.float64(scale(rough)))
         for other, ranking in others.items():
-            near += WEIGHTS[other] * _of_rows(rows, ranking)
+            near += WEIGHTS[other] * _nearness(rows, ranking)
         likely = np.sort(largest(near, IN_FULL if k < 2 * IN_FULL else k))
         most = len(likely)
         compare = {name: partial(method.among, most=most)}
@@ -88,8 +88,8 @@ class Cascade:
         if most == len(rows):
             return Ranking(found[:k].tolist(), distances[:k])
         # Not all of the k nearest need have been compared: how far they reach follows from about how far they are.
-        places = np.argsort(found)[np.searchsorted(np.sort(found), rows[likely])]
-        reach = np.median(distances[places] / np.maximum(rough[likely], LEAST)) * rough[min(k, len(rows) - 1)]
+        in_full = distances[_places(found, rows[likely])]
+        reach = np.median(in_full / np.maximum(rough[likely], LEAST)) * rough[min(k, len(rows) - 1)]
         return Ranking(found[:k].tolist(), distances[:k], float(reach))
 
     def _reach(self, name: str, near: Float32Array, rows: Int64Array, k: int, distances: Float64Array) -> float:
@@ -111,8 +111,8 @@ class Cascade:
         method = self._methods[name]
         value = self._value(method, query, mirrored=mirrored)
         with limited(1):  # as of all methods together
-            rows = np.sort(method.choose_alone(value, k + 1, self._clips.admits(scope.clips)))
-            most = -(-max(k + 1, method.compared_alone) // self._sharing(name))
+            rows = np.sort(method.choose(value, k + 1, self._clips.admits(scope.clips)))
+            most = -(-max(k + 1, method.compared) // self._sharing(name))
             compare = partial(method.among, most=most)
             found, distances = self._shared({name: compare}, {name: value}, rows, k + 1)[name]
         own = self._clips.place(query.clip) if query.clip is not None and not scope.own else None
@@ -135,8 +135,7 @@ class Cascade:
         answers: dict[str, list[Answers]] = {name: [] for name in values}
         for (name, _), answer in zip(shares, found, strict=True):
             answers[name].append(answer)
-        most = {name: len(rows) if name == ByMoves.name else k for name in values}
-        return {name: _merged(parts, most[name]) for name, parts in answers.items()}
+        return {name: _merged(parts) for name, parts in answers.items()}
 
     def _sharing(self, name: str) -> int:
         return THREADS if self._methods[name].shared else 1
@@ -168,18 +167,24 @@ def _last(values: Mapping[str, Value]) -> list[str]:
     return list(values)[::-1]
 
 
-def _merged(parts: Sequence[Answers], k: int) -> Answers:
-    """The k nearest of several answers."""
+def _merged(parts: Sequence[Answers]) -> Answers:
+    """Several answers, nearest first."""
     rows, distances = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
-    order = np.lexsort((rows, distances))[:k]
+    order = np.lexsort((rows, distances))
     return rows[order], distances[order]
 
 
-def _of_rows(rows: Int64Array, found: Ranking[int]) -> Float64Array:
+def _nearness(rows: Int64Array, found: Ranking[int]) -> Float64Array:
     """[n] how near some rows are by a method; of those that it did not find, as near as the last."""
     if not found.clips:
         return np.zeros(len(rows))
     near = as_near(np.minimum(found.distances, found.reach), np.float64(scale(found.distances)))
-    known, order = np.sort(found.clips), np.argsort(found.clips)
-    place = np.minimum(np.searchsorted(known, rows), len(known) - 1)
-    return np.where(known[place] == rows, near[order[place]], near[-1])
+    known = np.array(found.clips)
+    places = _places(known, rows)
+    return np.where(known[places] == rows, near[places], near[-1])
+
+
+def _places(known: Int64Array, rows: Int64Array) -> Int64Array:
+    """[n] where each of some rows stands among known ones, in any order; any place of one that does not."""
+    order = np.argsort(known)
+    return np.asarray(order[np.minimum(np.searchsorted(known, rows, sorter=order), len(known) - 1)])

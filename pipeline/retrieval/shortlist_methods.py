@@ -44,7 +44,7 @@ class Method(ABC):
     """What a method keeps of every clip, and how it compares a query with it."""
 
     name: str
-    compared_alone: ClassVar[int] = ALONE  # clips that are compared in full where it is asked alone
+    compared: ClassVar[int] = ALONE  # clips that are compared in full where it is asked alone
     shared: ClassVar[bool] = True  # several threads compare sooner than one
     told_by_vectors: ClassVar[bool] = False  # how many of its nearest are among some clips, their vectors tell
 
@@ -88,13 +88,13 @@ class Method(ABC):
         place = min(UNIT, known) - 1
         return np.asarray(1 / (1 + apart / max(np.partition(apart, place)[place], LEAST)))
 
-    def choose(self, value: Value, count: int, admitted: Float32Array) -> Int64Array:
-        """About so many rows that are likely to be the nearest of those admitted ([n] 0, else minus infinity)."""
-        return largest(self._nearness(value) + admitted, count)
+    def choose(self, value: Value, k: int, admitted: Float32Array) -> Int64Array:
+        """Rows of those admitted ([n] 0, else minus infinity) that are likely to hold the k nearest, where no other
+        method says how near they are."""
+        return self._by_vectors(value, max(k, min(ALONE, len(admitted))), admitted)
 
-    def choose_alone(self, value: Value, k: int, admitted: Float32Array) -> Int64Array:
-        """Rows that are likely to hold the k nearest, where no other method chooses any."""
-        return self.choose(value, max(k, min(ALONE, len(admitted))), admitted)
+    def _by_vectors(self, value: Value, count: int, admitted: Float32Array) -> Int64Array:
+        return largest(self._nearness(value) + admitted, count)
 
     def _nearness(self, value: Value, rows: Int64Array | None = None) -> Float32Array:
         """[n] of all clips, or of those of some rows, by their vectors: the greater, the nearer."""
@@ -167,7 +167,7 @@ class ByAlignment(Method):
     """Strings of symbols, by alignment both ways."""
 
     name = "alignment"
-    compared_alone = ALONE_STRINGS
+    compared = ALONE_STRINGS
 
     def __init__(self, lake: Lake, files: ShortlistFiles, con: Connection) -> None:
         super().__init__(lake, files, con)
@@ -197,7 +197,7 @@ class ByAlignment(Method):
     def sketch(self, value: Value) -> Float32Array:
         return string_sketch(value, self._codes)
 
-    def choose_alone(self, value: Value, k: int, admitted: Float32Array) -> Int64Array:
+    def choose(self, value: Value, k: int, admitted: Float32Array) -> Int64Array:
         near = self._nearness(value) + admitted
         bounds = bounds_of_strings(value, self._every, self._distances, self._config, threads=THREADS)
         return largest(_first_by_both(near, bounds), max(k, min(ALONE_STRINGS, len(near))))
@@ -224,7 +224,7 @@ class ByMoves(Method):
     """Moves, by dynamic time warping: first of outlines, moves at a few instants along a few directions."""
 
     name = "moves"
-    compared_alone = ALONE_MOVES
+    compared = ALONE_MOVES
 
     def __init__(self, lake: Lake, files: ShortlistFiles, con: Connection) -> None:
         super().__init__(lake, files, con)
@@ -244,8 +244,9 @@ class ByMoves(Method):
     def sketch(self, value: Value) -> Float32Array:
         return instants(value, INSTANTS).ravel()
 
-    def choose(self, value: Value, count: int, admitted: Float32Array) -> Int64Array:
-        rows = super().choose(value, max(count, min(LOOKED_AT, len(admitted))), admitted)
+    def choose(self, value: Value, k: int, admitted: Float32Array) -> Int64Array:
+        count = max(k, min(ALONE, len(admitted)))
+        rows = self._by_vectors(value, max(count, min(LOOKED_AT, len(admitted))), admitted)
         if len(rows) <= count:
             return rows
         rows.sort()
