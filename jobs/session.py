@@ -144,6 +144,8 @@ class Session:
                     results.add(ended)
             with suppress(Exception):
                 results.load_done()
+            if on_cluster is not None and self.scheduler is not None:
+                on_cluster.give_up()
             raise
         results.load_all()
         return outcomes

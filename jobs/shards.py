@@ -8,6 +8,7 @@ from contextlib import nullcontext, suppress
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
+from threading import Thread
 from typing import TYPE_CHECKING, Final, cast
 
 from motionlake.allocation import keep_freed
@@ -21,7 +22,7 @@ from motionlake.stages.stage import Shard, ShardResult, ShardStage
 from motionlake.threads import limited
 
 if TYPE_CHECKING:
-    from distributed import Client, Future
+    from distributed import Client, Future, Worker
 
 Task = tuple[ShardStage, Shard]
 Bundle = Sequence[Task]  # shards that run one after the other in one task
@@ -31,7 +32,8 @@ Run = tuple[Callable[[Path, Shard], ShardResult], Shard]
 AHEAD: Final = 16  # bundles submitted for each worker thread: work while results are loaded
 AT_ONCE: Final = 2  # of them submitted before results are looked at again: what is done is entered soon
 ASK_EVERY: Final = 1.0  # seconds between two questions how many threads there are
-SOON: Final = 2.0  # seconds in which a worker that is there gives a result
+SOON: Final = 2.0  # seconds in which a worker that is there gives a result, or ends most shards
+LOOK_AGAIN: Final = 0.05  # seconds
 
 
 def run_here(root: Path, bundles: Iterable[Bundle]) -> Iterator[Ended]:
@@ -88,6 +90,24 @@ class OnCluster:
             if future.status == "finished":
                 with suppress(Exception):  # its worker is gone
                     yield list(zip(bundle, future.result(timeout=SOON), strict=True))
+
+    def give_up(self) -> None:
+        """Take back what has not begun, and wait a moment for what runs: workers of another's cluster go on with it,
+        and would leave a half-made file behind this command."""
+        waiting = Thread(target=self._until_idle, daemon=True)  # a cluster that is gone may not answer
+        waiting.start()
+        waiting.join(SOON)
+
+    def _until_idle(self) -> None:
+        with suppress(Exception):
+            self._client.cancel(list(self._running), force=True)
+            while any(self._client.run(_runs_any, {future.key for future in self._running}).values()):
+                time.sleep(LOOK_AGAIN)
+
+
+def _runs_any(keys: set[str], dask_worker: Worker) -> bool:
+    """Whether a worker runs one of these tasks, be it taken back."""
+    return any(task.key in keys for task in dask_worker.state.executing)
 
 
 class _Threads:

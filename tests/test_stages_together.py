@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 from distributed import Client, wait
@@ -20,7 +22,7 @@ from motionlake.stages.moves import MOVES
 from motionlake.stages.part_clips import read_together, shared
 from motionlake.stages.reader import lake_reader
 from motionlake.stages.sources import IngestOptions, Root
-from motionlake.stages.stage import Shard, ShardResult
+from motionlake.stages.stage import Shard, ShardResult, ShardStage
 from motionlake.stages.words import WORDS
 
 from tests.lakes import QUICK, Changed, quick_lake
@@ -154,3 +156,23 @@ def test_what_has_ended_is_given_to_who_stops(undone: Path, scheduler: str) -> N
         [[((second, _), other)]] = work.finished()
     assert {first.name, second.name} == {"words", "moves"}
     assert isinstance(other, ShardResult)
+
+
+def test_who_stops_leaves_no_shard_running_on_the_cluster_of_another(tmp_path: Path, scheduler: str) -> None:
+    def slow(root: Path, shard: Shard) -> ShardResult:
+        (root / f"{shard.key}-began").touch()
+        time.sleep(1.0)
+        (root / f"{shard.key}-ended").touch()
+        return ShardResult(shard)
+
+    stage = cast("ShardStage", SimpleNamespace(name="slow", run=slow))
+    bundles = [[(stage, Shard("slow", f"s{k}", f"p{k}", "d", {}, 1))] for k in range(2)]
+    with Client(scheduler) as client:
+        work = OnCluster(tmp_path, bundles, client)
+        work._submitted()
+        while not (tmp_path / "s0-began").exists():
+            time.sleep(0.01)
+        work.give_up()
+        assert sorted(file.name for file in tmp_path.iterdir()) == ["s0-began", "s0-ended"]
+        time.sleep(1.0)
+    assert len(list(tmp_path.iterdir())) == 2, "the second one ran"
