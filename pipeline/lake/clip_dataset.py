@@ -9,8 +9,7 @@ from typing import Any, TypeAlias
 import torch
 from motionlake.errors import UserError
 from motionlake.lake.catalog import fetch, reading
-from motionlake.lake.frames import read_clip
-from motionlake.lake.integrity import sound
+from motionlake.lake.frames import stored_clip
 from motionlake.lake.layout import open_lake
 from torch.utils.data import Dataset
 
@@ -92,7 +91,7 @@ class ClipDataset(Dataset[Item]):
 
     def __getitem__(self, at: int) -> Any:
         row = self._rows[at]
-        frames = read_clip(sound(self._lake, self._lake.frames_part(row["dataset"], row["part"])), row["clip"])
+        frames = stored_clip(self._lake, row)
         window = self._window(len(frames.positions))
         item = {
             "positions": self._padded(torch.from_numpy(frames.positions[window].copy())),

@@ -17,7 +17,7 @@ import pyarrow.parquet as pq
 from motionlake.columns import matrix_of
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch
-from motionlake.lake.integrity import sound
+from motionlake.lake.integrity import sound_while
 from motionlake.lake.layout import Lake
 from motionlake.motion.calibration import held, recorded_range
 from motionlake.motion.skeleton import JOINTS, PARENTS
@@ -275,10 +275,21 @@ def read_clip(path: Path, clip: str, *, rotations: bool = True) -> Frames:
     return found
 
 
+def stored_clip(lake: Lake, row: Mapping[str, Any], *, rotations: bool = True) -> Frames:
+    """One clip of a lake, or its joints alone, given what the table `clips` says of it.
+
+    Raises:
+        UserError: as `read_clip`.
+        DamagedError: its part is not as it was written.
+    """
+    file = lake.frames_part(row["dataset"], row["part"])
+    return sound_while(lake, file, lambda path: read_clip(path, row["clip"], rotations=rotations))
+
+
 def canonical_motion(con: Connection, lake: Lake, clip: str) -> CanonicalMotion:
     """The motion of a clip on the canonical skeleton, from its stored frames."""
     row = fetch(con, "clip", {"clip": clip})[0]
-    return motion_of(read_clip(sound(lake, lake.frames_part(row["dataset"], row["part"])), clip), row)
+    return motion_of(stored_clip(lake, row), row)
 
 
 def motion_of(stored: Frames, row: Mapping[str, Any]) -> CanonicalMotion:

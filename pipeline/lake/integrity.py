@@ -17,13 +17,15 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from io import FileIO
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeVar
 
 import pyarrow as pa
 from motionlake.errors import DamagedError
 from motionlake.lake.catalog import Connection, load_rows, remember, remembered, run_sql, table_of
 from motionlake.lake.layout import Lake
+from motionlake.threads import in_threads
 
+Found = TypeVar("Found")
 FILE_ROWS: Final = pa.schema(
     {"file": pa.string(), "size": pa.int64(), "mtime_ns": pa.int64(), "crc32": pa.uint32(), "sha256": pa.string()}
 )
@@ -228,6 +230,30 @@ def sound_files(lake: Lake, files: Iterable[str]) -> list[Path]:
         if wrong is not None:
             raise DamagedError(damage(lake, name, wrong))
     return paths
+
+
+def sound_while(lake: Lake, file: str, read: Callable[[Path], Found]) -> Found:
+    """What is read of a file, of one that is as it was written: another thread compares its bytes meanwhile.
+
+    Raises:
+        DamagedError: as `sound`.
+        Exception: what reading raises.
+    """
+    listed, path = _readable(lake), lake.path(file)
+    bring(lake, [listed[file]] if file in listed else [])
+
+    def compare() -> None:
+        wrong = _fault_at(path, listed[file]) if file in listed else "is not listed in the catalog"
+        if wrong is not None:
+            raise DamagedError(damage(lake, file, wrong))
+
+    found: list[Found] = []
+
+    def run(work: Callable[[], None]) -> None:
+        work()
+
+    in_threads(run, [compare, lambda: found.append(read(path))], 2)  # of two that fail the first is told
+    return found[0]
 
 
 def sized_files(lake: Lake, files: Iterable[str]) -> list[Path]:

@@ -14,7 +14,7 @@ from motionlake.deep_motifs.motifs import Motifs, assign
 from motionlake.deep_motifs.query_by_example import words_within
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, reading
-from motionlake.lake.frames import Frames, frame_range, from_table, read_clip, to_table
+from motionlake.lake.frames import Frames, frame_range, from_table, stored_clip, to_table
 from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.lake.resolve import resolve_clip
@@ -169,7 +169,7 @@ def query_motion(lake: Lake, query: Query, *, mirrored: bool = False, rotations:
     else:
         with reading(lake) as con:
             row = _row_of(con, query.clip)
-        stored = read_clip(sound(lake, lake.frames_part(row["dataset"], row["part"])), row["clip"], rotations=rotations)
+        stored = stored_clip(lake, row, rotations=rotations)
     stored = stored.recorded()
     positions, turned, fps = stored.positions.astype(np.float64), stored.rotations.astype(np.float64), stored.fps
     if mirrored:

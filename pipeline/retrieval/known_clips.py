@@ -12,6 +12,7 @@ import pyarrow as pa
 from motionlake.arrays import Int64Array
 from motionlake.columns import column_of
 from motionlake.deep_motifs.signatures import CorpusClip
+from motionlake.lake.catalog import Connection, fetch_table
 
 _FACTS: Final = [each.name for each in fields(CorpusClip)]
 
@@ -21,6 +22,11 @@ class KnownClips:
     """Rows of the query "clips_with_parts": by name, all different."""
 
     table: pa.Table
+
+    @staticmethod
+    def read(con: Connection) -> KnownClips:
+        """Of a lake's catalog."""
+        return KnownClips(fetch_table(con, "clips_with_parts").combine_chunks())  # else rows would be joined each time
 
     def facts(self, entry: int) -> CorpusClip:
         """What is said of the clip of a row."""

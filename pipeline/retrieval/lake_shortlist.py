@@ -11,7 +11,7 @@ import pyarrow as pa
 from motionlake.arrays import Float32Array, Int64Array
 from motionlake.deep_motifs.signatures import CorpusClip
 from motionlake.errors import UserError
-from motionlake.lake.catalog import fetch, fetch_table, reading
+from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import check_served
 from motionlake.motion.moves import KIND
@@ -37,7 +37,7 @@ class LakeShortlist:
         with ThreadPoolExecutor(1) as pool, reading(lake) as con:
             opened = pool.submit(ShortlistFiles.open, lake, files)  # and compared with what was written
             served = {row["method"]: row["model"] for row in fetch(con, "models_compared")} | {"moves": KIND}
-            self.known = KnownClips(fetch_table(con, "clips_with_parts"))
+            self.known = KnownClips.read(con)
             self.lake, self.files = lake, opened.result()
             if self._stale(served):
                 raise UserError(

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 from motionlake.arrays import BoolArray, Float32Array, Int64Array
-from motionlake.lake.catalog import Connection, fetch, fetch_table
+from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.integrity import sound_files
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.known_clips import KnownClips
@@ -52,7 +52,8 @@ class WindowScan:
             return None
         paths = sound_files(lake, [row["codes"] for row in rows])
         held: dict[str, set[str]] = {row["part"]: set() for row in rows}
-        clips = fetch_table(con, "clips_with_parts")
+        known = KnownClips.read(con)
+        clips = known.table
         for clip, part in zip(clips["clip"].to_pylist(), clips["part"].to_pylist(), strict=True):
             if part in held:
                 held[part].add(clip)
@@ -61,7 +62,7 @@ class WindowScan:
             {row["part"]: WindowFile.open(path) for row, path in zip(rows, paths, strict=True)},
             {row["part"]: row["vectors"] for row in rows},
             {part: frozenset(own) for part, own in held.items()},
-            KnownClips(clips),
+            known,
         )
 
     def holding(

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import time
 import zlib
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
+from mmap import ACCESS_READ, MADV_RANDOM, MADV_WILLNEED, PAGESIZE, mmap
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 import pyarrow as pa
@@ -28,6 +29,10 @@ from numpy.typing import NDArray
 CLIP: Final = pa.field("clip", pa.dictionary(pa.int32(), pa.string()))  # the first column
 SUMS: Final = "sums"  # of its metadata: in hexadecimal, those of `MappedPart.sum_of`, four bytes a clip, in order
 KEPT: Final = np.dtype("<u4")
+HEAD: Final = 1 << 16  # bytes at the beginning of a part: its schema, names of clips, and whose each row is
+FOOT: Final = 1 << 13  # bytes at its end: where all that lies
+TOGETHER: Final = 64  # parts that are mapped at a time
+Found = TypeVar("Found")
 
 
 class MappedStage(PartStage):
@@ -82,7 +87,7 @@ class MappedPart:
     def sum_of(self, clip: str) -> int:
         """The CRC-32 of the name of a clip and its rows, one column after another."""
         run, found = self.runs[clip], zlib.crc32(clip.encode())
-        for rows in self._numbers:
+        for rows in self.numbers:
             found = zlib.crc32(rows[run].view(np.uint8).data, found)
         return found
 
@@ -95,7 +100,8 @@ class MappedPart:
         return dict(zip(self.runs, np.frombuffer(bytes.fromhex(said.decode()), KEPT).tolist(), strict=True))
 
     @cached_property
-    def _numbers(self) -> list[NDArray[Any]]:
+    def numbers(self) -> list[NDArray[Any]]:
+        """Every column but that of clips."""
         return [self.column(name) for name in self.table.column_names[1:]]
 
     def column(self, name: str) -> NDArray[Any]:
@@ -138,30 +144,86 @@ def read_rows(path: Path, name: str) -> Iterator[tuple[str, NDArray[Any]]]:
 def rows_of_clips(lake: Lake, wanted: Mapping[str, Collection[str]], name: str) -> dict[str, NDArray[Any]]:
     """By clip, [n] or [n, d] a column of some clips of parts, given clips by file; without those that a file lacks.
 
-    Of each file the rows of these clips alone are compared with what was written, and copied: who holds those of many
-    parts need not keep these mapped.
+    Of each file the rows of these clips alone are read, compared with what was written, and copied: who holds those of
+    many parts need not keep these mapped.
 
     Raises:
         DamagedError: the rows of a clip are not as they were written, or a file has another size.
     """
-    found = {}
-    # One after another: so little is read of each that threads would wait for one another.
-    for (file, clips), path in zip(wanted.items(), sized_files(lake, wanted), strict=True):
-        try:
-            part = MappedPart.open(path)
-            part.table.validate()
-            rows, sums = part.column(name), part.sums
-            held = [clip for clip in clips if clip in part.runs]
-            wrong = any(part.sum_of(clip) != sums[clip] for clip in held) if sums is not None else False
-        except Exception:  # a damaged schema fails in many ways
-            sound(lake, file)  # says so
-            raise
-        if wrong:
-            raise DamagedError(damage(lake, file, OTHER_BYTES))
-        if sums is None or len(held) < len(clips):  # a damaged name is that of no clip
-            sound(lake, file)
-        found.update({clip: rows[part.runs[clip]].copy() for clip in held})
+    found: dict[str, NDArray[Any]] = {}
+    asked = list(zip(wanted.items(), sized_files(lake, wanted), strict=True))
+    for first in range(0, len(asked), TOGETHER):
+        some = [
+            (file, clips, _or_said(lake, file, partial(SparsePart.open, path)))
+            for (file, clips), path in asked[first : first + TOGETHER]
+        ]
+        held = [_or_said(lake, file, partial(part.expect, clips)) for file, clips, part in some]
+        for (file, clips, part), own in zip(some, held, strict=True):
+            found.update(_or_said(lake, file, partial(_rows_of, lake, file, part.mapped, own, name)))
+            if part.mapped.sums is None or len(own) < len(clips):  # a damaged name is that of no clip
+                sound(lake, file)
     return found
+
+
+@dataclass(frozen=True)
+class SparsePart:
+    """A part of which a few clips are read: the system reads their pages, and none beside them.
+
+    What is needed next is asked for before it is looked at, so that a disk works for several parts at once.
+    """
+
+    pages: mmap
+
+    @staticmethod
+    def open(path: Path) -> SparsePart:
+        """Map a part, and have its ends read, where it says what it holds."""
+        with path.open("rb") as handle:
+            pages = mmap(handle.fileno(), 0, access=ACCESS_READ)
+        pages.madvise(MADV_RANDOM)
+        last = max(0, len(pages) - FOOT) // PAGESIZE * PAGESIZE
+        pages.madvise(MADV_WILLNEED, 0, min(HEAD, len(pages)))
+        pages.madvise(MADV_WILLNEED, last, len(pages) - last)
+        return SparsePart(pages)
+
+    @cached_property
+    def mapped(self) -> MappedPart:
+        """Its rows."""
+        table = pa.ipc.open_file(pa.BufferReader(self._whole)).read_all()
+        table.validate()
+        return MappedPart.of_table(table)
+
+    @cached_property
+    def _whole(self) -> pa.Buffer:
+        return pa.py_buffer(self.pages)
+
+    def expect(self, clips: Collection[str]) -> list[str]:
+        """Have the rows of some clips read; returns those that the part holds."""
+        part = self.mapped
+        held = [clip for clip in clips if clip in part.runs]
+        for clip in held:
+            for rows in part.numbers:
+                own = rows[part.runs[clip]]
+                start = own.ctypes.data - self._whole.address
+                first = start // PAGESIZE * PAGESIZE
+                if own.nbytes:
+                    self.pages.madvise(MADV_WILLNEED, first, start + own.nbytes - first)
+        return held
+
+
+def _rows_of(lake: Lake, file: str, part: MappedPart, clips: Sequence[str], name: str) -> dict[str, NDArray[Any]]:
+    rows, sums = part.column(name), part.sums
+    if sums is not None and any(part.sum_of(clip) != sums[clip] for clip in clips):
+        raise DamagedError(damage(lake, file, OTHER_BYTES))
+    return {clip: rows[part.runs[clip]].copy() for clip in clips}
+
+
+def _or_said(lake: Lake, file: str, work: Callable[[], Found]) -> Found:
+    """What some work on a part gives; where it fails, and the part is damaged, that is said."""
+    try:
+        return work()
+    except Exception:  # a damaged schema fails in many ways
+        sound(lake, file)
+        raise
 
 
 def _spelled(rows: pa.Table) -> pa.Table:
