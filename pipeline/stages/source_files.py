@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from operator import attrgetter
 from pathlib import Path
 from typing import Final, NamedTuple
 
 from motionlake.errors import ClipError
 from motionlake.formats import clip_by_name, companions, is_clip, may_have_companions
+from motionlake.formats.registry import COMPRESSED_SUFFIX
 from motionlake.lake.layout import Lake
 from motionlake.names import kept
 
@@ -37,17 +38,22 @@ def scan(root: Path, lake: Lake) -> Iterator[SourceFile]:
     start, own = len(str(root / "_")) - 1, lake.root
     folders = list[str]()
     folder = str(root)
+    plain = dict[str, bool]()  # whether the names that end so tell that a file is a clip, without companions
     while True:
         relative = f"{folder[start:]}/" if len(folder) > start else ""
         within = list[str]()
         for entry in sorted(entries, key=_name):
             name = entry.name
-            if name.startswith("."):
+            if name[0] == ".":
                 continue
-            if _is_folder(entry):
+            ending = name[name.rfind(".") :]
+            if ending in plain and plain[ending] and not _is_folder(entry):
+                yield _source_file(entry, relative + name)
+            elif _is_folder(entry):
                 if not entry.is_symlink() and not (name == own.name and Path(entry.path) == own):
                     within.append(entry.path)
             elif by_name := clip_by_name(name):
+                plain[ending] = ending.lower() != COMPRESSED_SUFFIX
                 yield _source_file(entry, relative + name)
             elif by_name is None and is_clip(path := Path(entry.path)):
                 yield _source_file(entry, relative + name, _companions(path))
@@ -69,15 +75,16 @@ def _is_folder(entry: os.DirEntry[str]) -> bool:
         return False
 
 
-def _source_file(file: Path | os.DirEntry[str], relative: str, more: Iterable[Path] = ()) -> SourceFile:
+def _source_file(file: Path | os.DirEntry[str], relative: str, more: Sequence[Path] = ()) -> SourceFile:
     try:
         own = file.stat()
         size, newest = own.st_size, own.st_mtime_ns
-        for stats in (companion.stat() for companion in more):
-            size, newest = size + stats.st_size, max(newest, stats.st_mtime_ns)
+        if more:
+            stats = [companion.stat() for companion in more]
+            size, newest = size + sum(one.st_size for one in stats), max(newest, *(one.st_mtime_ns for one in stats))
     except OSError:  # a link to nothing: the reader says so, and the file is rejected
         return SourceFile(kept(relative), 0, 0)
-    return SourceFile(kept(relative), size, min(newest, LATEST))
+    return SourceFile(kept(relative), size, newest if newest < LATEST else LATEST)
 
 
 def _companions(path: Path) -> list[Path]:

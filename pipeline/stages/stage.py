@@ -195,7 +195,9 @@ class _Keys(dict[str, str]):
         self._after = "]" if shaping == "[]" else f",{shaping[1:]}"
 
     def __missing__(self, upstream: str) -> str:
-        spelled = f"{self._before}{canonical_json(upstream)}{self._after}"
+        # JSON spells keys, which are hexadecimal, as they stand.
+        told = f'"{upstream}"' if upstream.isascii() and upstream.isalnum() else canonical_json(upstream)
+        spelled = f"{self._before}{told}{self._after}"
         self[upstream] = found = hashlib.sha256(spelled.encode()).hexdigest()
         return found
 
