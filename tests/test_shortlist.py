@@ -9,9 +9,10 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
+import pyarrow as pa
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -40,10 +41,10 @@ from motionlake.stages.postures import codes_of_clips
 from motionlake.stages.reader import lake_reader
 from motionlake.stages.shortlist import COMPARED, SHORTLIST
 from motionlake.stages.shortlist_files import MOVES as PIECES
-from motionlake.stages.shortlist_files import ShortlistFiles
+from motionlake.stages.shortlist_files import ShortlistFiles, write_lists
 from motionlake.threads import limited
 
-from tests.lakes import Changed, files, motionlake, query
+from tests.lakes import Changed, files, motionlake, query, quick_lake
 from tests.test_newer_models import newer
 
 MODULES = ("stages.graph", "stages.shortlist", "retrieval.fused", "retrieval.lake_shortlist", "retrieval.descriptor")
@@ -149,7 +150,7 @@ def test_likeness_is_of_distances_of_vectors(large: Path) -> None:
         files = ShortlistFiles.open(open_lake(large), shortlist_of(open_lake(large)))
         for name, kind in METHODS.items():
             method = kind(open_lake(large), files, con)
-            clip, vectors = some(large, 1)[0], files.arrays[f"{name}-sketches"]
+            clip, vectors = some(large, 1)[0], files.array(f"{name}-sketches")
             row = files.table["clip"].to_pylist().index(clip)
             apart = np.linalg.norm(vectors[:, :-1] - vectors[row, :-1], axis=1)
             known = np.isfinite(vectors[:, -1])
@@ -281,8 +282,8 @@ def test_a_shortlist_without_rows_of_parts_serves_too(
     asked, own = Query(clip, 0, min(frames, int(1.5 * fps))), ShortlistFiles.open
     (wanted, _) = by_words(large, method, asked, Scope())
 
-    def without(lake: Lake, names: list[str]) -> ShortlistFiles:
-        opened = own(lake, names)
+    def without(lake: Lake, *given: Any) -> ShortlistFiles:
+        opened = own(lake, *given)
         return replace(opened, table=opened.table.drop_columns(["postures_piece", "joints_piece"]))
 
     monkeypatch.setattr(ShortlistFiles, "open", staticmethod(without))
@@ -392,13 +393,57 @@ def test_a_shortlist_without_words_is_made_anew(large: Path, monkeypatch: pytest
     """As earlier versions made it."""
     own = ShortlistFiles.open
 
-    def without(lake: Lake, names: list[str]) -> ShortlistFiles:
-        opened = own(lake, names)
-        return replace(opened, table=opened.table.drop_columns(["words"]))
+    def without(lake: Lake, *given: Any) -> ShortlistFiles:
+        opened = own(lake, *given)
+        return replace(opened, files=[file for file in opened.files if "-words-" not in file])
 
     monkeypatch.setattr(ShortlistFiles, "open", staticmethod(without))
     with few(), pytest.raises(UserError, match="run shortlist"):
         searcher("range", "words", open_lake(large))
+
+
+def answers(root: Path, method: str, asked: Query) -> list[Hit]:
+    with few():
+        return searcher("clip", method, open_lake(root)).search([asked], 5)[0]
+
+
+def test_lists_in_the_table_of_clips_serve_too(large: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As an earlier version kept them."""
+    own, asked = ShortlistFiles.open, Query(some(large, 1)[0])
+    wanted = [answers(large, method, asked) for method in METHODS]
+
+    def before(lake: Lake, names: list[str], needed: Any = ()) -> ShortlistFiles:
+        opened = own(lake, names)
+        table = opened.table
+        for name in ("motifs", "weights", "symbols"):
+            values, starts = opened.flat(name)
+            held = values.astype(np.int32) if values.dtype == np.uint16 else values
+            lists = pa.ListArray.from_arrays(pa.array(starts.astype(np.int32)), pa.array(held))
+            table = table.append_column(name, lists)
+        kept = [file for file in names if not file.endswith(("-values.npy", "-starts.npy"))]
+        return replace(opened, table=table, files=kept)
+
+    monkeypatch.setattr(ShortlistFiles, "open", staticmethod(before))
+    assert [answers(large, method, asked) for method in METHODS] == wanted
+
+
+def test_a_search_reads_the_arrays_of_its_methods_alone(large: Path, tmp_path: Path) -> None:
+    lake = Path(shutil.copytree(large, tmp_path / "lake"))
+    (words,) = lake.glob("shortlist/*-words-values.npy")
+    words.write_bytes(words.read_bytes()[:-1] + b"?")
+    asked = Query(some(lake, 1)[0])
+    for method in (*METHODS, "fused"):
+        assert answers(lake, method, asked)
+    with few(), pytest.raises(DamagedError, match=r"words-values\.npy: holds other bytes"):
+        searcher("range", "words", open_lake(lake))
+
+
+@pytest.mark.parametrize(("values", "kind"), [([3, 65_535], "u2"), ([3, 65_536], "i4"), ([-1, 2], "i4"), ([], "u2")])
+def test_lists_are_kept_in_few_bytes(tmp_path: Path, values: list[int], kind: str) -> None:
+    lake, given = open_lake(quick_lake(tmp_path / "lake")), np.array(values, dtype=np.int32)
+    files = write_lists(lake, "0" * 64, np.array([0, len(values)]), {"some": given})
+    found, starts = (np.load(lake.path(file)) for file in files)
+    assert (found.tolist(), starts.tolist(), found.dtype) == (values, [0, 0, len(values)], np.dtype(kind))
 
 
 def test_some_frames_of_moves(large: Path) -> None:

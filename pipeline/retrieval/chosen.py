@@ -12,6 +12,7 @@ from motionlake.retrieval.hits import Hit, Match
 from motionlake.retrieval.lake_shortlist import LakeShortlist
 from motionlake.retrieval.protocol import Finds, LakeSearcher, Query, Scope, Searcher
 from motionlake.retrieval.shortlist import Cascade
+from motionlake.stages.shortlist_files import needed_by
 
 
 class ChosenSearcher(LakeSearcher):
@@ -35,7 +36,7 @@ class ChosenSearcher(LakeSearcher):
     def __init__(self, lake: Lake, name: str, files: Sequence[str], every: Callable[[], Searcher]) -> None:
         super().__init__(lake)
         self.name, self._make_every = name, every
-        self._cascade = Cascade(LakeShortlist(lake, files))
+        self._cascade = Cascade(LakeShortlist(lake, files, needed_by([name])))
 
     def warm_up(self) -> None:
         """As `FusedSearcher.warm_up`.

@@ -21,7 +21,7 @@ from motionlake.retrieval.protocol import Finds, LakeSearcher, Query, Scope
 from motionlake.retrieval.registry import ready, searcher
 from motionlake.retrieval.views import View, near_again
 from motionlake.retrieval.weighing import WEIGHTS, Found, Weighed, as_near, fused_distances, same_clips, weights_of
-from motionlake.stages.shortlist_files import MOST
+from motionlake.stages.shortlist_files import MOST, WIDTHS, needed_by
 from motionlake.threads import limited
 
 if TYPE_CHECKING:
@@ -215,7 +215,7 @@ def _cascade(lake: Lake) -> Cascade | None:
         return None
 
     with ThreadPoolExecutor(1) as pool:
-        clips = pool.submit(LakeShortlist, lake, files)
+        clips = pool.submit(LakeShortlist, lake, files, needed_by(WIDTHS))
         from motionlake.retrieval.shortlist import Cascade  # while files are compared with what was written
 
         return Cascade(clips.result())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 
@@ -23,6 +23,11 @@ from motionlake.stages.shortlist_files import MOST, ShortlistFiles
 class LakeShortlist:
     """The files of a shortlist, and the catalog of now.
 
+    Args:
+        lake: which holds it.
+        files: of it.
+        needed: arrays of it that are read at once.
+
     Attributes:
         lake: which holds it.
         files: that stage "shortlist" made.
@@ -33,9 +38,9 @@ class LakeShortlist:
         DamagedError: a file of it is not as it was written.
     """
 
-    def __init__(self, lake: Lake, files: Sequence[str]) -> None:
+    def __init__(self, lake: Lake, files: Sequence[str], needed: Collection[str] = ()) -> None:
         with ThreadPoolExecutor(1) as pool, reading(lake) as con:
-            opened = pool.submit(ShortlistFiles.open, lake, files)  # and compared with what was written
+            opened = pool.submit(ShortlistFiles.open, lake, files, needed)  # and compared with what was written
             served = {row["method"]: row["model"] for row in fetch(con, "models_compared")} | {"moves": KIND}
             self.known = KnownClips.read(con)
             self.lake, self.files = lake, opened.result()

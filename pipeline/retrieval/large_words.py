@@ -20,6 +20,7 @@ from motionlake.lake.settings import served_config
 from motionlake.motion.features import native_ranges
 from motionlake.retrieval.lake_shortlist import LakeShortlist
 from motionlake.retrieval.protocol import Query, Scope
+from motionlake.stages.shortlist_files import lists_named
 from numpy.typing import NDArray
 
 
@@ -38,12 +39,12 @@ class LakeWords:
     """
 
     def __init__(self, lake: Lake, files: Sequence[str]) -> None:
-        self.clips = LakeShortlist(lake, files)
+        self.clips = LakeShortlist(lake, files, lists_named("words"))
         self._config = served_config(lake).words
         with reading(lake) as con:
             motifs = fetch(con, "corpus_motifs")
         centroids = np.array([row["centroid"] for row in motifs], dtype=np.float32)
-        if "words" not in self.clips.files.table.column_names:
+        if not self.clips.files.has("words"):
             raise UserError(
                 f"{lake.root}: its shortlist was made without words, by an earlier version; make it anew with "
                 "`motionlake run shortlist`"

@@ -89,7 +89,7 @@ class NarrowedSearcher(LakeSearcher):
         from motionlake.lake.strings import read_strings, strings_of
 
         files = self._clips.files
-        if "symbol_starts" not in files.table.column_names:
+        if not files.has("symbol_starts"):
             with reading(self.lake) as con:
                 return read_strings(con, [clip.clip for clip in self._clips.facts_of(rows)])
         kept = rows[np.diff(files.flat("symbols")[1])[rows] > 0]

@@ -23,6 +23,7 @@ from motionlake.pesta.strings import Repository, SymbolDistances
 from motionlake.retrieval.protocol import Query
 from motionlake.retrieval.string_queries import query_of_symbols
 from motionlake.stages.shortlist_files import INSTANTS, ShortlistFiles, string_sketch
+from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from motionlake.pesta.dictionary import PostureDictionary
@@ -50,8 +51,11 @@ class Method(ABC):
 
     def __init__(self, lake: Lake, files: ShortlistFiles, con: Connection) -> None:
         self.lake, self.files = lake, files
-        self._kept = files.arrays[f"{self.name}-sketches"]
         self._directions = files.directions(self.name)
+
+    @cached_property
+    def _kept(self) -> NDArray[Any]:
+        return self.files.array(f"{self.name}-sketches")
 
     @abstractmethod
     def of_row(self, row: int) -> Value:
@@ -181,7 +185,7 @@ class ByAlignment(Method):
         (symbols,) = self.files.lists("symbols", np.array([row]))
         if len(symbols) == 0:
             raise self.files.lacks(row, "symbol string")
-        return query_of_symbols(symbols, self.files.table["clip"][row].as_py()).symbols
+        return query_of_symbols(symbols.astype(np.int32), self.files.table["clip"][row].as_py()).symbols
 
     def of_query(self, query: Query, *, mirrored: bool) -> Value:
         from motionlake.retrieval.symbol_strings import encoded
@@ -228,8 +232,7 @@ class ByMoves(Method):
 
     def __init__(self, lake: Lake, files: ShortlistFiles, con: Connection) -> None:
         super().__init__(lake, files, con)
-        outlines, self._frames = files.arrays["moves-outlines"], files.directions("outlines")
-        self._looked = np.asarray(outlines).reshape(-1, outlines.shape[-1])  # [n * INSTANTS, w]
+        self._frames = files.directions("outlines")
 
     def of_row(self, row: int) -> Value:
         if self.files.numbers("frames")[row] == 0:
@@ -251,7 +254,9 @@ class ByMoves(Method):
             return rows
         rows.sort()
         outline = self._frames.project(instants(value, INSTANTS))
-        stack = Stack.of_halves(self._looked, rows * INSTANTS, np.full(len(rows), INSTANTS))
+        outlines = self.files.array("moves-outlines")
+        looked = np.asarray(outlines).reshape(-1, outlines.shape[-1])  # [n * INSTANTS, w]
+        stack = Stack.of_halves(looked, rows * INSTANTS, np.full(len(rows), INSTANTS))
         apart = stack.spread(aligned(outline, stack))
         return rows[np.argpartition(apart, count - 1)[:count]]
 

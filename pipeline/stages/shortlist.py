@@ -43,12 +43,14 @@ from motionlake.stages.shortlist_files import (
     write_array,
     write_clips,
     write_directions,
+    write_lists,
 )
 from motionlake.stages.shortlist_moves import moves_of_clips, moves_of_parts, moves_to_read
 from motionlake.stages.shortlist_rows import ROWS
 from motionlake.stages.shortlist_windows import vectors_of_parts, windows_of_clips, windows_to_read
 from motionlake.stages.stage import PartStage, Shard, ShardResult, ShardStage, live_parts
 from motionlake.stages.submotions import SUBMOTIONS
+from numpy.typing import NDArray
 
 COMPARED: Final[Mapping[str, PartStage]] = {method: SOURCES[method] for method in WIDTHS}
 KEPT: Final[Mapping[str, PartStage]] = {**COMPARED, "windows": SUBMOTIONS, **{rows.name: rows.stage for rows in ROWS}}
@@ -60,7 +62,7 @@ class Shortlist(ShardStage):
     """One shard for the whole lake."""
 
     name = "shortlist"
-    version = 11  # with vectors of windows, postures and joints
+    version = 12  # with lists in files of their own
     about = "short vectors by which the search of a large lake chooses the clips that it compares"
     reads_catalog = True
     upstream = tuple(dict.fromkeys(stage.name for stage in KEPT.values()))
@@ -169,13 +171,13 @@ def _by_signature(at: LakeReader, shard: Shard, _: pa.Table, places: Places) -> 
     rows_of = places.of(names)
     counts[rows_of] = np.bincount(held, minlength=len(names))
     order = np.argsort(rows_of[held], kind="stable")
-    lists = {"motifs": at_motif.astype(np.int32)[order], "weights": signatures[held, at_motif][order]}
-    columns = {name: _lists(counts, values) for name, values in lists.items()}
-    return Made({**columns, "words": _words(at.con, places)}, files)
+    lists: dict[str, NDArray[Any]] = {"motifs": at_motif[order], "weights": signatures[held, at_motif][order]}
+    return Made({}, [*files, *write_lists(at.lake, shard.key, counts, lists), *_words(at, shard, places)])
 
 
-def _words(con: Connection, places: Places) -> pa.Array:
-    """[n] the motifs of the words of each clip; those of some clips are read at a time."""
+def _words(at: LakeReader, shard: Shard, places: Places) -> list[str]:
+    """Write the motifs of the words of each clip; those of some clips are read at a time."""
+    con = at.con
     table = fetch_table(con, "words_of_clips")
     names, counts = table["clip"].to_pylist(), np.zeros(len(places), dtype=np.int64)
     counts[places.of(names)] = numbers(table["words"])
@@ -183,7 +185,7 @@ def _words(con: Connection, places: Places) -> pa.Array:
     for first in range(0, len(names), WORDS):
         block = names[first : first + WORDS]
         motifs.append(numbers(fetch_table(con, "motifs_of_words", {"first": block[0], "last": block[-1]})["motif"]))
-    return _lists(counts, np.concatenate(motifs))
+    return write_lists(at.lake, shard.key, counts, {"words": np.concatenate(motifs)})
 
 
 def _by_alignment(at: LakeReader, shard: Shard, _: pa.Table, places: Places) -> Made:
@@ -211,12 +213,7 @@ def _by_alignment(at: LakeReader, shard: Shard, _: pa.Table, places: Places) -> 
     counts[rows] = np.diff(starts)
     order = np.argsort(np.repeat(rows, np.diff(starts)), kind="stable")
     lists = {"symbols": symbols[order], "symbol_starts": frames[order].astype(np.int32)}
-    return Made({name: _lists(counts, values) for name, values in lists.items()}, files)
-
-
-def _lists(counts: Any, values: Any) -> pa.Array:
-    offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
-    return pa.ListArray.from_arrays(pa.array(offsets), pa.array(values))
+    return Made({}, [*files, *write_lists(at.lake, shard.key, counts, lists)])
 
 
 MAKE: Final[Mapping[str, Callable[[LakeReader, Shard, pa.Table, Places], Made]]] = {

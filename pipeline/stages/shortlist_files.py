@@ -5,7 +5,7 @@ All but pieces (`motionlake.stages.shortlist_pieces`) are compared with what was
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -41,6 +41,10 @@ PIECES: Final = (MOVES.suffix, POSTURES.suffix, JOINTS.suffix)
 INSTANTS: Final = 12  # of the moves of a clip, for its sketch and for its outline
 CODES: Final = 16  # of its postures
 WIDTHS: Final[Mapping[str, int]] = {"signature": 32, "alignment": 64, "moves": 64}  # of sketches, by method
+LISTS: Final[Mapping[str, tuple[str, ...]]] = {  # of each clip, that a method compares
+    "signature": ("motifs", "weights"), "alignment": ("symbols",), "moves": (),
+}  # fmt: skip
+SHORT: Final = np.iinfo(np.uint16)
 SAMPLE: Final = 2048  # clips that directions are fitted to
 
 
@@ -84,7 +88,7 @@ class Made:
     """What a method gives to the shortlist.
 
     Attributes:
-        columns: of the table of clips.
+        columns: of the table of clips, numbers.
         files: all that it consists of.
         said: what the table says of it.
         sums: of those files that were there before.
@@ -111,6 +115,30 @@ def write_array(lake: Lake, key: str, name: str, values: NDArray[Any]) -> str:
     return file
 
 
+def lists_named(name: str) -> tuple[str, str]:
+    """The arrays that lists are kept in: values one after another, and where those of each clip begin."""
+    return f"{name}-values", f"{name}-starts"
+
+
+def needed_by(methods: Collection[str]) -> list[str]:
+    """The arrays that some methods read in every search."""
+    lists = [array for method in methods for name in LISTS[method] for array in lists_named(name)]
+    return [*(f"{method}-sketches" for method in methods), *lists]
+
+
+def write_lists(lake: Lake, key: str, counts: Int64Array, lists: Mapping[str, NDArray[Any]]) -> list[str]:
+    """Write lists of n clips, by name: values one after another, so many of each clip; returns the names of files.
+
+    Whole numbers that 16 bits hold are written in these.
+    """
+    starts, files = np.concatenate([[0], np.cumsum(counts, dtype=np.int64)]), []
+    for name, values in lists.items():
+        short = values.dtype.kind in "iu" and (not values.size or (values.min() >= 0 and values.max() <= SHORT.max))
+        arrays = values.astype(SHORT.dtype) if short else values, starts
+        files += [write_array(lake, key, *named) for named in zip(lists_named(name), arrays, strict=True)]
+    return files
+
+
 def write_directions(lake: Lake, key: str, name: str, directions: Directions) -> list[str]:
     """Write directions; returns the names of their files."""
     return [
@@ -129,69 +157,89 @@ def write_clips(lake: Lake, file: str, table: pa.Table) -> str:
 
 @dataclass(frozen=True)
 class ShortlistFiles:
-    """What the stage has made of n clips.
+    """What the stage has made of n clips; of its files those that are asked for are read.
 
     Attributes:
         lake: which holds it.
-        table: [n] clip, part, and what each method keeps in lists.
+        table: [n] clip, part, and where in pieces each clip lies.
         models: what signatures and strings are made over, by method.
-        arrays: by name.
         files: that it consists of.
     """
 
     lake: Lake
     table: pa.Table
     models: Mapping[str, str]
-    arrays: Mapping[str, NDArray[Any]]
     files: Sequence[str]
 
     @staticmethod
-    def open(lake: Lake, files: Sequence[str]) -> ShortlistFiles:
-        """Raises `DamagedError` where a file is not as it was written."""
-        whole = [file for file in files if not (file.endswith(PIECES) or is_of_windows(file))]
-        paths = dict(zip(whole, sound_files(lake, whole), strict=True))
-        arrays = {_name(file): np.load(path, mmap_mode="r", allow_pickle=False)
-                  for file, path in paths.items() if file.endswith(".npy")}  # fmt: skip
-        (clips,) = (path for file, path in paths.items() if file.endswith(CLIPS))
-        table = pa.ipc.open_file(pa.memory_map(str(clips))).read_all()
+    def open(lake: Lake, files: Sequence[str], needed: Collection[str] = ()) -> ShortlistFiles:
+        """The files, and those arrays that are `needed` at once.
+
+        Raises:
+            DamagedError: a file is not as it was written.
+        """
+        own = [file for file in files if not (file.endswith(PIECES) or is_of_windows(file))]
+        sound_files(lake, [file for file in own if _name(file) in needed])  # together with the table
+        table = read_clips(lake, files)
         said = said_of(table)
         models = {method: said[method] for method in WIDTHS if method in said}
-        return ShortlistFiles(lake, table, models, arrays, files)
+        return ShortlistFiles(lake, table, models, files)
+
+    def array(self, name: str) -> NDArray[Any]:
+        """An array by its name, mapped into memory.
+
+        Raises:
+            DamagedError: its file is not as it was written.
+            KeyError: there is none such.
+        """
+        if name not in self._arrays:
+            (path,) = sound_files(self.lake, [self._named[name]])
+            self._arrays[name] = np.load(path, mmap_mode="r", allow_pickle=False)
+        return self._arrays[name]
+
+    @cached_property
+    def _arrays(self) -> dict[str, NDArray[Any]]:
+        return {}
+
+    @cached_property
+    def _named(self) -> dict[str, str]:
+        """The file of each array."""
+        return {_name(file): file for file in self.files if file.endswith(".npy") and not is_of_windows(file)}
 
     @property
     def methods(self) -> tuple[str, ...]:
-        return tuple(name.removesuffix("-sketches") for name in self.arrays if name.endswith("-sketches"))
+        return tuple(name.removesuffix("-sketches") for name in self._named if name.endswith("-sketches"))
 
     def directions(self, name: str) -> Directions:
-        return Directions(self.arrays[f"{name}-mean"], self.arrays[f"{name}-directions"])
+        return Directions(self.array(f"{name}-mean"), self.array(f"{name}-directions"))
+
+    def has(self, name: str) -> bool:
+        """Whether it keeps such lists; earlier versions lack some."""
+        return lists_named(name)[0] in self._named or name in self.table.column_names
 
     def numbers(self, name: str) -> NDArray[Any]:
         """[n] a column of numbers."""
         return numbers(self.table[name])
 
     def lists(self, name: str, rows: Int64Array) -> list[NDArray[Any]]:
-        """A column of lists, those of some rows."""
-        values, offsets = self.flat(name)
-        return [values[offsets[row] : offsets[row + 1]] for row in rows.tolist()]
+        """A list of each clip, those of some rows."""
+        values, starts = self.flat(name)
+        return [values[starts[row] : starts[row + 1]] for row in rows.tolist()]
 
     def joined(self, name: str, rows: Int64Array) -> tuple[NDArray[Any], Int64Array]:
         """The same one after another, and how long each is."""
-        values, offsets = self.flat(name)
-        lengths = offsets[rows + 1] - offsets[rows]
-        first = np.repeat(offsets[rows] - np.cumsum(lengths) + lengths, lengths)
+        values, starts = self.flat(name)
+        lengths = starts[rows + 1] - starts[rows]
+        first = np.repeat(starts[rows] - np.cumsum(lengths) + lengths, lengths)
         return values[first + np.arange(len(first))], lengths
 
     def flat(self, name: str) -> tuple[NDArray[Any], Int64Array]:
         """The same of all clips, and [n + 1] where those of each begin."""
-        if name not in self._lists:
-            (chunk,) = self.table[name].chunks
-            offsets = np.asarray(np.from_dlpack(chunk.offsets), dtype=np.int64)
-            self._lists[name] = np.from_dlpack(chunk.values), offsets
-        return self._lists[name]
-
-    @cached_property
-    def _lists(self) -> dict[str, tuple[NDArray[Any], Int64Array]]:
-        return {}
+        values, starts = lists_named(name)
+        if values in self._named:
+            return self.array(values), self.array(starts)
+        (chunk,) = self.table[name].chunks  # an earlier version kept them in the table
+        return np.from_dlpack(chunk.values), np.asarray(np.from_dlpack(chunk.offsets), dtype=np.int64)
 
     def lacks(self, row: int, what: str) -> UserError:
         """The error for a clip of which a method has nothing."""

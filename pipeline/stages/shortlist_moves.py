@@ -74,8 +74,8 @@ class _Moves:
 
     def take_over(self, files: ShortlistFiles, before: MovesBefore, piece: NextPiece) -> None:
         """Those of the clips that stay."""
-        self.sketches[before.new] = files.arrays["moves-sketches"][before.old]
-        self.outlines[before.new] = files.arrays["moves-outlines"][before.old]
+        self.sketches[before.new] = files.array("moves-sketches")[before.old]
+        self.outlines[before.new] = files.array("moves-outlines")[before.old]
         piece.take_over(before, files.table, files.files)
 
     def write(self, lake: Lake, key: str) -> list[str]:
