@@ -3,7 +3,7 @@
 `python -m bench.scale_methods FOLDER` takes the lake in FOLDER/lake that `bench.whole_lake` or `bench.scale_search`
 left. For each way to find clips, and pieces of two seconds inside clips, a process of its own asks for drawn clips one
 after the other; then commands in new processes ask once each, with the lake's files in the page cache and without them.
-Where to compare every clip takes no minutes, the answers are also set beside those of doing so.
+Where to compare every clip takes no hours, the answers are also set beside those of doing so.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ K: Final = 10
 READ: Final = 1 << 22  # bytes
 LONGER: Final = 1.0  # seconds that a clip lasts more than a piece
 BARS: Final = {"warm_ms": 100.0, "cold_seconds": 3.0}
-QUICK: Final[dict[Finds, tuple[str, ...]]] = {"clip": ("signature",), "range": ("submotion",)}
+QUICK: Final[dict[Finds, tuple[str, ...]]] = {"clip": ("signature", "alignment", "moves"), "range": ("submotion",)}
 COMMAND_OF: Final[dict[Finds, str]] = {"clip": "search", "range": "find"}
 
 

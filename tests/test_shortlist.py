@@ -34,7 +34,7 @@ from motionlake.retrieval.matched import matched_moves
 from motionlake.retrieval.moves import MovesSearcher
 from motionlake.retrieval.protocol import LakeSearcher, Query, Scope
 from motionlake.retrieval.registry import searcher
-from motionlake.retrieval.shortlist_methods import METHODS, UNIT
+from motionlake.retrieval.shortlist_methods import METHODS, UNIT, ByMoves
 from motionlake.stages import shortlist_moves
 from motionlake.stages.moves import read_tracks
 from motionlake.stages.postures import codes_of_clips
@@ -179,12 +179,13 @@ def test_nearest_reach_as_far_as_of_all_clips(large: Path, monkeypatch: pytest.M
 
             near = methods["signature"].likeness(of["signature"])
             there = int((near[chosen] >= np.sort(near)[-k]).sum())
-            _, distances = methods["signature"].among(of["signature"], chosen, 99, 99)
+            _, distances = methods["signature"].among(of["signature"], chosen, 99)
             assert asked.by["signature"].reach == np.sort(distances)[min(max(1, there), k) - 1]
             signatures += there < k
 
-            rows, rough = methods["moves"].first(of["moves"], chosen, k)
-            found, distances = methods["moves"].among(of["moves"], every, 999, 999)
+            by_moves = cast(ByMoves, methods["moves"])
+            rows, rough = by_moves.roughly(of["moves"], chosen, k)
+            found, distances = by_moves.among(of["moves"], every, 999)
             compared = dict(zip(found.tolist(), distances.tolist(), strict=True))
             ranking = asked.by["moves"]
             assert len(ranking.clips) == 5
@@ -333,9 +334,8 @@ def test_one_method_alone(large: Path, clips_folder: Path, method: str, monkeypa
     assert set(by.matches(asked[0], right[:2], mirrored=False)) == set(
         exact.matches(asked[0], right[:2], mirrored=False)
     )
-    for name, count in (("ALONE", 8), ("ALONE_STRINGS", 8), ("LOOKED_AT", 10)):
-        monkeypatch.setattr(f"motionlake.retrieval.shortlist_methods.{name}", count)
-    monkeypatch.setattr(METHODS[method], "compared", 7)
+    monkeypatch.setattr(METHODS[method], "chosen", 8)
+    monkeypatch.setattr("motionlake.retrieval.shortlist.ALONE_IN_FULL", 4)
     found = []
     for name in some(large, 99):
         (ours,), (right,) = by.search([Query(name)], 2), exact.search([Query(name)], 2)

@@ -31,11 +31,11 @@ class Directions:
     matrix: Float32Array
 
     @staticmethod
-    def of(rows: FloatArray, width: int, *, centred: bool = True) -> Directions:
-        """The principal directions of rows [n, D], as many as `width` or D; `centred`: about their mean."""
+    def of(rows: FloatArray, width: int) -> Directions:
+        """The principal directions of rows [n, D] about their mean, as many as `width` or D."""
         exact = np.asarray(rows, dtype=np.float64)
-        mean = exact.mean(axis=0) if centred and len(exact) else np.zeros(exact.shape[1])
-        apart = exact - mean if centred else exact  # once: of a large lake's moves they are 200 MB
+        mean = exact.mean(axis=0) if len(exact) else np.zeros(exact.shape[1])
+        apart = exact - mean
         _, found = np.linalg.eigh(apart.T @ apart)
         matrix = np.ascontiguousarray(found[:, ::-1][:, :width], dtype=np.float32)
         return Directions(mean.astype(np.float32), matrix)

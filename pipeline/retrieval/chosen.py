@@ -1,4 +1,4 @@
-"""Whole clips of a large lake by one method: it compares those that its own vectors in the shortlist choose."""
+"""Whole clips of a large lake by one method: it compares those that vectors in the shortlist choose."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from motionlake.retrieval.hits import Hit, Match
 from motionlake.retrieval.lake_shortlist import LakeShortlist
 from motionlake.retrieval.protocol import Finds, LakeSearcher, Query, Scope, Searcher
 from motionlake.retrieval.shortlist import Cascade
+from motionlake.retrieval.shortlist_methods import METHODS
 from motionlake.stages.shortlist_files import needed_by
 
 
@@ -36,7 +37,8 @@ class ChosenSearcher(LakeSearcher):
     def __init__(self, lake: Lake, name: str, files: Sequence[str], every: Callable[[], Searcher]) -> None:
         super().__init__(lake)
         self.name, self._make_every = name, every
-        self._cascade = Cascade(LakeShortlist(lake, files, needed_by([name])))
+        asked = [name] if METHODS[name].told_by_vectors else METHODS
+        self._cascade = Cascade(LakeShortlist(lake, files, needed_by(asked)))
 
     def warm_up(self) -> None:
         """As `FusedSearcher.warm_up`.

@@ -6,12 +6,11 @@ by all methods together are compared by all. The answers by a method are then it
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Final
 
 import numpy as np
-from motionlake.arrays import Float32Array, Float64Array, Int64Array
+from motionlake.arrays import Float32Array, Float64Array, FloatArray, Int64Array
 from motionlake.errors import DamagedError, UserError
 from motionlake.lake.catalog import reading
 from motionlake.motion.diffusion import scale
@@ -25,6 +24,7 @@ from motionlake.threads import in_threads, limited
 
 CHOSEN: Final = 1500  # clips that are compared, at least
 IN_FULL: Final = 200  # of these, those that are compared by all frames of moves, where not twice as many are asked for
+ALONE_IN_FULL: Final = 400  # the same where moves are asked alone
 
 
 class Cascade:
@@ -43,53 +43,52 @@ class Cascade:
         Raises:
             UserError: none can.
         """
-        values: dict[str, Value] = {}
-        for name, method in self._methods.items():
-            try:
-                values[name] = self._value(method, query, mirrored=mirrored)
-            except DamagedError:
-                raise
-            except UserError as error:
-                failed.append(error)
+        values = self._values(query, failed, mirrored=mirrored)
         if failed and not values:
             raise failed[0]
         admitted = self._clips.admits(scope.clips)
-        likeness = in_threads(lambda name: self._methods[name].likeness(values[name]), _last(values), THREADS)
-        near = {name: each + admitted for name, each in zip(_last(values), likeness, strict=True)}
-        rows = np.sort(largest(sum(likeness, start=admitted), max(k, CHOSEN)))
-        first = self._shared({name: self._methods[name].first for name in values}, values, rows, k)
+        likeness = self._likeness(values)
+        near = {name: each + admitted for name, each in likeness.items()}
+        rows = np.sort(largest(sum(likeness.values(), start=admitted), max(k, CHOSEN)))
+        first = self._shared(self._compared(values), values, rows, k)
         by = {name: Ranking(found[:k].tolist(), distances[:k], self._reach(name, near[name], rows, k, distances[:k]))
               for name, (found, distances) in first.items() if name != ByMoves.name}  # fmt: skip
         if ByMoves.name in first:
-            by[ByMoves.name] = self._moves(values[ByMoves.name], *first[ByMoves.name], by, k)
+            known, rough = first[ByMoves.name]
+            others = sum((WEIGHTS[name] * _nearness(known, each) for name, each in by.items()), np.zeros(len(known)))
+            about = others / WEIGHTS[ByMoves.name]
+            by[ByMoves.name] = self._moves(values[ByMoves.name], known, rough, about, k, IN_FULL)
         return Asked(by, None if query.clip is None else self._clips.place(query.clip), self._as_hits)
 
+    def _compared(self, names: Iterable[str]) -> dict[str, Callable[[Value, Int64Array, int], Answers]]:
+        """How each of some methods compares clips first."""
+        methods = {name: self._methods[name] for name in names}
+        return {name: each.roughly if isinstance(each, ByMoves) else each.among for name, each in methods.items()}
+
     def _moves(
-        self, value: Value, rows: Int64Array, rough: Float64Array, others: Mapping[str, Ranking[int]], k: int
+        self, value: Value, rows: Int64Array, rough: Float64Array, others: FloatArray, k: int, in_full: int
     ) -> Ranking[int]:
         """The k nearest by moves of those clips that are likely to be near by all methods together.
 
         Args:
             value: of the query.
             rows, rough: all clips, and about how far each is, nearest first.
-            others: what the other methods found.
+            others: how near each is by what else is known of it.
             k: how many.
+            in_full: how many are compared by all frames, where not twice as many are asked for.
         """
         if not len(rows):
             return Ranking([], rough)
         name, method = ByMoves.name, self._methods[ByMoves.name]
-        near = WEIGHTS[name] * as_near(rough, np.float64(scale(rough)))
-        for other, ranking in others.items():
-            near += WEIGHTS[other] * _nearness(rows, ranking)
-        likely = np.sort(largest(near, IN_FULL if k < 2 * IN_FULL else k))
+        near = as_near(rough, np.float64(scale(rough))) + others
+        likely = np.sort(largest(near, in_full if k < 2 * in_full else k))
         most = len(likely)
-        compare = {name: partial(method.among, most=most)}
-        found, distances = self._shared(compare, {name: value}, np.sort(rows[likely]), most)[name]
+        found, distances = self._shared({name: method.among}, {name: value}, np.sort(rows[likely]), most)[name]
         if most == len(rows):
             return Ranking(found[:k].tolist(), distances[:k])
         # Not all of the k nearest need have been compared: how far they reach follows from about how far they are.
-        in_full = distances[_places(found, rows[likely])]
-        reach = np.median(in_full / np.maximum(rough[likely], LEAST)) * rough[min(k, len(rows) - 1)]
+        known = distances[_places(found, rows[likely])]
+        reach = np.median(known / np.maximum(rough[likely], LEAST)) * rough[min(k, len(rows) - 1)]
         return Ranking(found[:k].tolist(), distances[:k], float(reach))
 
     def _reach(self, name: str, near: Float32Array, rows: Int64Array, k: int, distances: Float64Array) -> float:
@@ -101,7 +100,9 @@ class Cascade:
         return float(distances[min(max(there, 1), len(distances)) - 1])
 
     def by(self, name: str, query: Query, k: int, scope: Scope, *, mirrored: bool) -> list[Hit]:
-        """The k nearest by one method, of those that it chooses by its own vectors; not ranked yet.
+        """The k nearest by one method; not ranked yet.
+
+        Clips are chosen by the vectors of all methods that can compare the query, unless the method's own tell enough.
 
         Raises:
             UserError: the shortlist has nothing of this method, or it cannot compare the query.
@@ -111,13 +112,35 @@ class Cascade:
         method = self._methods[name]
         value = self._value(method, query, mirrored=mirrored)
         with limited(1):  # as of all methods together
-            rows = np.sort(method.choose(value, k + 1, self._clips.admits(scope.clips)))
-            most = -(-max(k + 1, method.compared) // self._sharing(name))
-            compare = partial(method.among, most=most)
-            found, distances = self._shared({name: compare}, {name: value}, rows, k + 1)[name]
+            values = {} if method.told_by_vectors else self._values(query, [], mirrored=mirrored)
+            likeness = self._likeness({**values, name: value})
+            near = sum(likeness.values(), start=self._clips.admits(scope.clips))
+            rows = np.sort(largest(near, max(k + 1, method.chosen)))
+            found, distances = self._shared(self._compared([name]), {name: value}, rows, k + 1)[name]
+            if isinstance(method, ByMoves):
+                nearest = self._moves(value, found, distances, near[found] / len(likeness), k + 1, ALONE_IN_FULL)
+                found, distances = np.array(nearest.clips, dtype=np.int64), nearest.distances
         own = self._clips.place(query.clip) if query.clip is not None and not scope.own else None
         kept = np.flatnonzero(found != (-1 if own is None else own))[:k]
         return self._as_hits(found[kept].tolist(), distances[kept].tolist())
+
+    def _values(self, query: Query, failed: list[UserError], *, mirrored: bool) -> dict[str, Value]:
+        """What each method compares of a query; `failed` gets why some cannot."""
+        values: dict[str, Value] = {}
+        for name, method in self._methods.items():
+            try:
+                values[name] = self._value(method, query, mirrored=mirrored)
+            except DamagedError:
+                raise
+            except UserError as error:
+                failed.append(error)
+        return values
+
+    def _likeness(self, values: Mapping[str, Value]) -> dict[str, Float32Array]:
+        """[n] how near every clip is by the vectors of some methods."""
+        names = _last(values)
+        found = in_threads(lambda name: self._methods[name].likeness(values[name]), names, THREADS)
+        return dict(zip(names, found, strict=True))
 
     def _shared(
         self, compare: Mapping[str, Callable[[Value, Int64Array, int], Answers]], values: Mapping[str, Value],

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 import numpy as np
-from motionlake.arrays import BoolArray, Float32Array, Float64Array, FloatArray, Int64Array
+from motionlake.arrays import Float32Array, Float64Array, FloatArray, Int64Array
 from motionlake.deep_motifs.emd import ground_distances
 from motionlake.deep_motifs.emd_search import SignatureIndex
 from motionlake.lake.catalog import Connection, fetch
@@ -17,7 +17,6 @@ from motionlake.lake.settings import served_config
 from motionlake.motion.moves_index import floored
 from motionlake.motion.sketches import instants, nearness
 from motionlake.motion.stacks import Stack, aligned
-from motionlake.pesta.bounds import bounds_of_strings
 from motionlake.pesta.scan import nearest_strings
 from motionlake.pesta.strings import Repository, SymbolDistances
 from motionlake.retrieval.protocol import Query
@@ -29,13 +28,10 @@ if TYPE_CHECKING:
     from motionlake.pesta.dictionary import PostureDictionary
 
 Value = Any
-LOOKED_AT: Final = 5000  # clips whose outlines of moves are aligned
-ALONE: Final = 2000  # clips that a method chooses which is asked alone
-ALONE_STRINGS: Final = 6000  # of alignment: its vectors tell less, and strings are compared sooner than moves
-ALONE_MOVES: Final = 600  # of the clips that moves choose alone, those that are compared in full
+ALONE: Final = 2000  # clips that are compared by a method which is asked alone
+ALONE_STRINGS: Final = 6000  # by alignment: vectors tell less of it, and strings are compared sooner than moves
 UNIT: Final = 1000  # the distance by vectors of the clip at this place is the scale of others
 LEAST: Final = np.float32(1e-6)  # of such a distance
-SAMPLED: Final = 4096  # clips that tell the place of all others
 EVERY: Final = 4  # frames of moves, of which one is compared before all
 THREADS: Final = 2
 Answers = tuple[Int64Array, Float64Array]  # rows and distances, nearest first
@@ -45,7 +41,7 @@ class Method(ABC):
     """What a method keeps of every clip, and how it compares a query with it."""
 
     name: str
-    compared: ClassVar[int] = ALONE  # clips that are compared in full where it is asked alone
+    chosen: ClassVar[int] = ALONE  # clips that are compared where it is asked alone
     shared: ClassVar[bool] = True  # several threads compare sooner than one
     told_by_vectors: ClassVar[bool] = False  # how many of its nearest are among some clips, their vectors tell
 
@@ -70,15 +66,8 @@ class Method(ABC):
         """[D] the vector that is projected and compared first."""
 
     @abstractmethod
-    def among(self, value: Value, rows: Int64Array, k: int, most: int) -> Answers:
-        """The k nearest of the clips of some rows; those that the method does not know are left out.
-
-        Of more than `most`, which is at least k, those are compared in full that are likely to be the nearest.
-        """
-
-    def first(self, value: Value, rows: Int64Array, k: int) -> Answers:
-        """The k nearest of the clips of some rows that all methods chose."""
-        return self.among(value, rows, k, len(rows))
+    def among(self, value: Value, rows: Int64Array, k: int) -> Answers:
+        """The k nearest of the clips of some rows; those that the method does not know are left out."""
 
     def likeness(self, value: Value) -> Float32Array:
         """[n] how near every clip is by its vector, from 0 to 1: a half at the distance of the `UNIT`th nearest, and 0
@@ -91,32 +80,6 @@ class Method(ABC):
             return np.zeros_like(apart)
         place = min(UNIT, known) - 1
         return np.asarray(1 / (1 + apart / max(np.partition(apart, place)[place], LEAST)))
-
-    def choose(self, value: Value, k: int, admitted: Float32Array) -> Int64Array:
-        """Rows of those admitted ([n] 0, else minus infinity) that are likely to hold the k nearest, where no other
-        method says how near they are."""
-        return self._by_vectors(value, max(k, min(ALONE, len(admitted))), admitted)
-
-    def _by_vectors(self, value: Value, count: int, admitted: Float32Array) -> Int64Array:
-        return largest(self._nearness(value) + admitted, count)
-
-    def _nearness(self, value: Value, rows: Int64Array | None = None) -> Float32Array:
-        """[n] of all clips, or of those of some rows, by their vectors: the greater, the nearer."""
-        kept = self._kept if rows is None else self._kept[rows]
-        return nearness(kept, self._directions.project(self.sketch(value)))
-
-
-def _first_by_both(near: Float32Array, bounds: Float32Array) -> Float32Array:
-    """[n] the greater, the sooner a clip comes by how near it is and by a bound together; minus infinity of none."""
-    there = np.isfinite(near) & np.isfinite(bounds)
-    return np.where(there, -_places(-near, there) - _places(bounds, there), np.float32(-np.inf))
-
-
-def _places(values: Float32Array, there: BoolArray) -> Float32Array:
-    """[n] how many of some thousand values, spread over those that are there, each is above."""
-    known = values[there]
-    sample = np.sort(known[:: max(1, len(known) // SAMPLED)])
-    return np.searchsorted(sample, values).astype(np.float32)
 
 
 def largest(near: FloatArray, count: int) -> Int64Array:
@@ -152,7 +115,7 @@ class BySignature(Method):
     def sketch(self, value: Value) -> Float32Array:
         return np.asarray(value @ self._ground, dtype=np.float32)
 
-    def among(self, value: Value, rows: Int64Array, k: int, most: int) -> Answers:
+    def among(self, value: Value, rows: Int64Array, k: int) -> Answers:
         signatures = self._dense(rows)
         there = signatures.any(axis=1)
         if not there.any():
@@ -171,7 +134,7 @@ class ByAlignment(Method):
     """Strings of symbols, by alignment both ways."""
 
     name = "alignment"
-    compared = ALONE_STRINGS
+    chosen = ALONE_STRINGS
 
     def __init__(self, lake: Lake, files: ShortlistFiles, con: Connection) -> None:
         super().__init__(lake, files, con)
@@ -201,23 +164,10 @@ class ByAlignment(Method):
     def sketch(self, value: Value) -> Float32Array:
         return string_sketch(value, self._codes)
 
-    def choose(self, value: Value, k: int, admitted: Float32Array) -> Int64Array:
-        near = self._nearness(value) + admitted
-        bounds = bounds_of_strings(value, self._every, self._distances, self._config, threads=THREADS)
-        return largest(_first_by_both(near, bounds), max(k, min(ALONE_STRINGS, len(near))))
-
-    def among(self, value: Value, rows: Int64Array, k: int, most: int) -> Answers:
-        strings = self._strings(rows)
-        if len(rows) > most:
-            bounds = bounds_of_strings(value, strings, self._distances, self._config)
-            rows = rows[largest(_first_by_both(self._nearness(value, rows), bounds), most)]
-            strings = self._strings(rows)
-        found = nearest_strings(value, strings, self._distances, k, self._config)  # of so few, in one thread
+    def among(self, value: Value, rows: Int64Array, k: int) -> Answers:
+        # Of so few in one thread.
+        found = nearest_strings(value, self._strings(rows), self._distances, k, self._config)
         return rows[[at for at, _ in found]], np.array([cost for _, cost in found])
-
-    @cached_property
-    def _every(self) -> Repository:
-        return Repository(*self.files.flat("symbols"))
 
     def _strings(self, rows: Int64Array) -> Repository:
         symbols, lengths = self.files.joined("symbols", rows)
@@ -225,14 +175,9 @@ class ByAlignment(Method):
 
 
 class ByMoves(Method):
-    """Moves, by dynamic time warping: first of outlines, moves at a few instants along a few directions."""
+    """Moves, by dynamic time warping, first of some of their frames."""
 
     name = "moves"
-    compared = ALONE_MOVES
-
-    def __init__(self, lake: Lake, files: ShortlistFiles, con: Connection) -> None:
-        super().__init__(lake, files, con)
-        self._frames = files.directions("outlines")
 
     def of_row(self, row: int) -> Value:
         if self.files.numbers("frames")[row] == 0:
@@ -247,32 +192,15 @@ class ByMoves(Method):
     def sketch(self, value: Value) -> Float32Array:
         return instants(value, INSTANTS).ravel()
 
-    def choose(self, value: Value, k: int, admitted: Float32Array) -> Int64Array:
-        count = max(k, min(ALONE, len(admitted)))
-        rows = self._by_vectors(value, max(count, min(LOOKED_AT, len(admitted))), admitted)
-        if len(rows) <= count:
-            return rows
-        rows.sort()
-        outline = self._frames.project(instants(value, INSTANTS))
-        outlines = self.files.array("moves-outlines")
-        looked = np.asarray(outlines).reshape(-1, outlines.shape[-1])  # [n * INSTANTS, w]
-        stack = Stack.of_halves(looked, rows * INSTANTS, np.full(len(rows), INSTANTS))
-        apart = stack.spread(aligned(outline, stack))
-        return rows[np.argpartition(apart, count - 1)[:count]]
-
-    def first(self, value: Value, rows: Int64Array, k: int) -> Answers:
-        """All clips of these that have moves, by some of their frames: about how far each is."""
+    def roughly(self, value: Value, rows: Int64Array, _: int) -> Answers:
+        """All clips of some rows that have moves, by some of their frames: about how far each is."""
         known = rows[self.files.numbers("frames")[rows] > 0]
         stack = Stack.of_halves(*self.files.moves.at(known, EVERY))
         return known, stack.spread(aligned(np.ascontiguousarray(value[::EVERY]), stack))
 
-    def among(self, value: Value, rows: Int64Array, k: int, most: int) -> Answers:
+    def among(self, value: Value, rows: Int64Array, k: int) -> Answers:
         known = rows[self.files.numbers("frames")[rows] > 0]
-        if len(known) > most:
-            known, apart = self.first(value, known, k)
-            known = np.sort(known[np.argpartition(apart, most - 1)[:most]])
-        frames, starts, counts = self.files.moves.at(known)
-        stack = Stack.of_halves(frames, starts, counts)
+        stack = Stack.of_halves(*self.files.moves.at(known))
         distances = floored(stack.spread(aligned(value, stack)))
         order = np.lexsort((known, distances))[:k]
         return known[order], distances[order]

@@ -38,7 +38,7 @@ JOINTS: Final = Kind(
     np.dtype(("<f4", (3 * len(COMMON),))),
 )  # fmt: skip
 PIECES: Final = (MOVES.suffix, POSTURES.suffix, JOINTS.suffix)
-INSTANTS: Final = 12  # of the moves of a clip, for its sketch and for its outline
+INSTANTS: Final = 12  # of the moves of a clip, for its sketch
 CODES: Final = 16  # of its postures
 WIDTHS: Final[Mapping[str, int]] = {"signature": 32, "alignment": 64, "moves": 64}  # of sketches, by method
 LISTS: Final[Mapping[str, tuple[str, ...]]] = {  # of each clip, that a method compares

@@ -1,4 +1,4 @@
-"""What the shortlist of a large lake holds of moves: sketches, outlines, and the frames in half precision."""
+"""What the shortlist of a large lake holds of moves: sketches, and the frames in half precision."""
 
 from __future__ import annotations
 
@@ -41,7 +41,6 @@ from motionlake.stages.shortlist_files import (
 from motionlake.stages.stage import Shard
 
 LAYOUT: Final = 3  # of moves: those of another are read anew
-DIRECTIONS: Final = 24  # of frames of moves, in outlines
 SPREAD: Final = 16  # parts that they are from, at least
 
 
@@ -50,13 +49,11 @@ class _Moves:
 
     Attributes:
         sketches: [n, w + 1].
-        outlines: [n, INSTANTS, DIRECTIONS].
     """
 
-    def __init__(self, places: Places, directions: Directions, frames: Directions) -> None:
-        self._places, self._directions, self._frames = places, directions, frames
+    def __init__(self, places: Places, directions: Directions) -> None:
+        self._places, self._directions = places, directions
         self.sketches = no_sketches(len(places), directions)
-        self.outlines = np.zeros((len(places), INSTANTS, frames.matrix.shape[1]), dtype=np.float16)
 
     def add(self, lake: Lake, file: str, wanted: Container[str], piece: NextPiece) -> None:
         """Those of a file of moves of the clips that are wanted."""
@@ -66,7 +63,6 @@ class _Moves:
         if not clips:
             return
         looked, rows = instants_of_clips(moves, starts, INSTANTS), self._places.of(clips)
-        self.outlines[rows] = self._frames.project(looked)
         self.sketches[rows] = searchable(self._directions.project(looked.reshape(len(looked), -1)))
         halves = moves.astype(HALF)
         for row, start, stop in zip(rows.tolist(), starts[:-1].tolist(), starts[1:].tolist(), strict=True):
@@ -75,15 +71,12 @@ class _Moves:
     def take_over(self, files: ShortlistFiles, before: MovesBefore, piece: NextPiece) -> None:
         """Those of the clips that stay."""
         self.sketches[before.new] = files.array("moves-sketches")[before.old]
-        self.outlines[before.new] = files.array("moves-outlines")[before.old]
         piece.take_over(before, files.table, files.files)
 
     def write(self, lake: Lake, key: str) -> list[str]:
         return [
             *write_directions(lake, key, "moves", self._directions),
             write_array(lake, key, "moves-sketches", self.sketches),
-            *write_directions(lake, key, "outlines", self._frames),
-            write_array(lake, key, "moves-outlines", self.outlines),
         ]
 
 
@@ -105,7 +98,7 @@ def moves_of_clips(at: LakeReader, shard: Shard, clips: pa.Table, places: Places
         files, kept, fitted = None, _fitted(at.lake, shard.spec["moves"], places), len(places)
     else:
         files, fitted = ShortlistFiles.open(at.lake, there), before.fitted
-        kept = _Moves(places, files.directions("moves"), files.directions("outlines"))
+        kept = _Moves(places, files.directions("moves"))
     with NextPiece(at, shard.key, PIECES, len(places), before) as piece:
         others = set(compress(places, piece.others))
         if before is not None and files is not None:
@@ -121,7 +114,7 @@ def _fitted(lake: Lake, files: Sequence[str], places: Places) -> _Moves:
     """Of no clip yet, along directions of the moves of some."""
     some = list(_some_moves(lake, files, places))
     directions = Directions.of(np.stack([instants(moves, INSTANTS).ravel() for moves in some]), WIDTHS["moves"])
-    return _Moves(places, directions, Directions.of(np.concatenate(some), DIRECTIONS, centred=False))
+    return _Moves(places, directions)
 
 
 def moves_of_parts(at: LakeReader) -> dict[str, str]:
