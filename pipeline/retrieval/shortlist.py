@@ -49,15 +49,17 @@ class Cascade:
         admitted = self._clips.admits(scope.clips)
         likeness = self._likeness(values)
         near = {name: each + admitted for name, each in likeness.items()}
-        rows = np.sort(largest(sum(likeness.values(), start=admitted), max(k, CHOSEN)))
+        together = sum(likeness.values(), start=admitted)
+        rows = np.sort(largest(together, max(k, CHOSEN)))
         first = self._shared(self._compared(values), values, rows, k)
         by = {name: Ranking(found[:k].tolist(), distances[:k], self._reach(name, near[name], rows, k, distances[:k]))
               for name, (found, distances) in first.items() if name != ByMoves.name}  # fmt: skip
         if ByMoves.name in first:
             known, rough = first[ByMoves.name]
-            others = sum((WEIGHTS[name] * _nearness(known, each) for name, each in by.items()), np.zeros(len(known)))
-            about = others / WEIGHTS[ByMoves.name]
-            by[ByMoves.name] = self._moves(values[ByMoves.name], known, rough, about, k, IN_FULL)
+            others = together[known] / len(likeness)
+            for name, each in by.items():
+                others = others + WEIGHTS[name] / WEIGHTS[ByMoves.name] * _nearness(known, each)
+            by[ByMoves.name] = self._moves(values[ByMoves.name], known, rough, others, k, IN_FULL)
         return Asked(by, None if query.clip is None else self._clips.place(query.clip), self._as_hits)
 
     def _compared(self, names: Iterable[str]) -> dict[str, Callable[[Value, Int64Array, int], Answers]]:
@@ -114,11 +116,11 @@ class Cascade:
         with limited(1):  # as of all methods together
             values = {} if method.told_by_vectors else self._values(query, [], mirrored=mirrored)
             likeness = self._likeness({**values, name: value})
-            near = sum(likeness.values(), start=self._clips.admits(scope.clips))
-            rows = np.sort(largest(near, max(k + 1, method.chosen)))
+            together = sum(likeness.values(), start=self._clips.admits(scope.clips))
+            rows = np.sort(largest(together, max(k + 1, method.chosen)))
             found, distances = self._shared(self._compared([name]), {name: value}, rows, k + 1)[name]
             if isinstance(method, ByMoves):
-                nearest = self._moves(value, found, distances, near[found] / len(likeness), k + 1, ALONE_IN_FULL)
+                nearest = self._moves(value, found, distances, together[found] / len(likeness), k + 1, ALONE_IN_FULL)
                 found, distances = np.array(nearest.clips, dtype=np.int64), nearest.distances
         own = self._clips.place(query.clip) if query.clip is not None and not scope.own else None
         kept = np.flatnonzero(found != (-1 if own is None else own))[:k]
