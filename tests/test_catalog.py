@@ -8,7 +8,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from motionlake.lake.catalog import Connection, reading, remembered, run_sql, writing
+from motionlake.lake.catalog import Connection, open_once, reading, remembered, run_sql, writing
+from motionlake.lake.host import seen_by_thread
 from motionlake.lake.layout import Lake, open_lake
 from motionlake.retrieval.sql_functions import connect
 
@@ -140,3 +141,20 @@ def test_macros_of_an_earlier_program_are_replaced(target: Lake) -> None:
     add_root(target, "b")
     with reading(target) as con:
         assert con.execute("FROM find_clip('x')").fetchall() == []
+
+
+def test_a_block_opens_a_catalog_when_it_is_read_and_keeps_what_it_sees(target: Lake) -> None:
+    add_root(target, "a")
+    with open_once(target):
+        assert seen_by_thread(target.catalog) is None
+        for name in "bc":
+            with open_once(target), reading(target) as con:
+                assert roots(con) == ["a"]
+            add_root(target, name)
+            assert seen_by_thread(target.catalog) is not None
+    assert seen_by_thread(target.catalog) is None
+    with reading(target) as con:
+        assert roots(con) == ["a", "b", "c"]
+    with pytest.raises(ZeroDivisionError), open_once(target), reading(target):
+        raise ZeroDivisionError
+    assert seen_by_thread(target.catalog) is None

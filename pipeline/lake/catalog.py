@@ -12,7 +12,9 @@ import os
 import weakref
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from threading import local
 from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeVar
 
 import pyarrow as pa
@@ -32,6 +34,7 @@ if TYPE_CHECKING:
 # DuckDB is imported where a connection is used: workers import this module and never open the catalog.
 Connection: TypeAlias = "duckdb.DuckDBPyConnection"
 Found = TypeVar("Found")
+_own: Final = local()  # of a thread, the catalogs that stay open until a block ends
 SCHEMA_VERSION: Final = 4  # of the catalog's tables, and of the macros and views over them that this program calls
 # What mends an error of DuckDB with such words.
 _TO_DO: Final = {
@@ -144,6 +147,48 @@ def reading(lake: Lake) -> Iterator[Connection]:
     Raises:
         UserError: as `connect_read_only`.
     """
+    kept = _kept_open().get(lake.catalog)
+    if kept is not None and kept.first:
+        kept.first = False
+        kept.stack.enter_context(_opened(lake))
+    with _opened(lake) as con:
+        yield con
+
+
+@contextmanager
+def open_once(lake: Lake) -> Iterator[None]:
+    """Within the block this thread opens the catalog when it first reads it, and not again.
+
+    To open it a dozen times takes as long as a search, and some searches do not read it.
+    """
+    kept = _kept_open()
+    if lake.catalog in kept:
+        yield
+        return
+    with ExitStack() as stack:
+        kept[lake.catalog] = _Kept(stack)
+        try:
+            yield
+        finally:
+            del kept[lake.catalog]
+
+
+@dataclass
+class _Kept:
+    """What is to close at the end of a block, and whether nothing has been opened in it yet."""
+
+    stack: ExitStack
+    first: bool = True
+
+
+def _kept_open() -> dict[Path, _Kept]:
+    """Of this thread, by the catalog's path."""
+    found: dict[Path, _Kept] = _own.__dict__.setdefault("kept open", {})
+    return found
+
+
+@contextmanager
+def _opened(lake: Lake) -> Iterator[Connection]:
     changed = working_copy(lake)
     with ExitStack() as stack:
         again = changed is None and seen_by_thread(lake.catalog) is not None  # and so it was checked

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal, Protocol, TypeAlias, TypeVa
 import numpy as np
 from motionlake.arrays import Float64Array, Int64Array
 from motionlake.errors import UserError
-from motionlake.lake.catalog import Connection, reading
+from motionlake.lake.catalog import Connection, open_once, reading
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import check_served
 from motionlake.lake.resolve import clip_or_file, resolve_clip
@@ -185,8 +185,7 @@ class LakeSearcher(ABC):
         check_k(k)
         if not k:
             return [[] for _ in queries]
-        # Kept open, since to open it a dozen times takes as long as to compare.
-        with reading(self.lake), alone(queries):
+        with open_once(self.lake), alone(queries):
             plain = self.nearest(queries, k, scope, mirrored=False)
             if not scope.mirrored:
                 return [scope.near(hits) for hits in plain]

@@ -11,7 +11,7 @@ from motionlake.arrays import Float64Array, Int64Array
 from motionlake.deep_motifs.emd import emd_many
 from motionlake.deep_motifs.query_by_example import LEAST_WORDS, ExampleQuery, find_ranges
 from motionlake.deep_motifs.signatures import Corpus, window_signatures
-from motionlake.lake.catalog import reading
+from motionlake.lake.catalog import open_once, reading
 from motionlake.lake.corpus import read_corpus
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import check_served
@@ -57,7 +57,7 @@ class WordsSearcher:
     def search(self, queries: Sequence[Query], k: int, scope: Scope = EVERYTHING) -> list[list[Hit]]:
         """As `Searcher.search`."""
         check_k(k)
-        with reading(self.lake), alone(queries):  # as other searchers
+        with open_once(self.lake), alone(queries):
             return [scope.near(self._ranges(query, k, scope)) for query in queries]
 
     def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
