@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 LARGE: Final = ("signature",)
 REACH: Final = 300  # nearest clips by each method, which are ranked by all
+REACH_OF_CHOSEN: Final = 200  # the same of a large lake, where few answers lie beyond
 EVERY: Final = 10**9  # answers
 
 
@@ -116,7 +117,8 @@ class FusedSearcher(LakeSearcher):
         self, ask: Callable[[int], Asked[Clip]], query: Query, k: int, every: int, scope: Scope, mirrored: bool
     ) -> list[Hit]:
         """The k nearest; `ask` names so many by each method, and `every` of them are all there are."""
-        asked = ask(REACH + 1)
+        reach = REACH if self._cascade is None else REACH_OF_CHOSEN
+        asked = ask(reach + 1)
         own = asked.clip if query.whole and not mirrored else None
         refused = None if scope.own else asked.clip
         same = same_clips(asked.by)
@@ -126,7 +128,7 @@ class FusedSearcher(LakeSearcher):
         weighed = Weighed({name: Found.of(view) for name, view in views.items()}, again, own, weights)
         distances = weighed.nearest(clip for clip in asked.known if clip != refused)[:k]
         best: list[Hit] = self._hits(asked, weighed, distances)
-        if len(best) == k or max(len(found.clips) for found in asked.by.values()) <= REACH:
+        if len(best) == k or max(len(found.clips) for found in asked.by.values()) <= reach:
             return best
         # Who asks for more than the nearest gets the others after them, by distance alone.
         rest, known = ask(every), asked.known.keys() | {refused}
