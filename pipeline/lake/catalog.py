@@ -12,7 +12,6 @@ import os
 import weakref
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from threading import local
 from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeVar
@@ -147,10 +146,9 @@ def reading(lake: Lake) -> Iterator[Connection]:
     Raises:
         UserError: as `connect_read_only`.
     """
-    kept = _kept_open().get(lake.catalog)
-    if kept is not None and kept.first:
-        kept.first = False
-        kept.stack.enter_context(_opened(lake))
+    block = _unopened().pop(lake.catalog, None)
+    if block is not None:
+        block.enter_context(_opened(lake))
     with _opened(lake) as con:
         yield con
 
@@ -161,29 +159,19 @@ def open_once(lake: Lake) -> Iterator[None]:
 
     To open it a dozen times takes as long as a search, and some searches do not read it.
     """
-    kept = _kept_open()
-    if lake.catalog in kept:
-        yield
-        return
-    with ExitStack() as stack:
-        kept[lake.catalog] = _Kept(stack)
+    with ExitStack() as block:
+        waiting = _unopened()
+        waiting.setdefault(lake.catalog, block)
         try:
             yield
         finally:
-            del kept[lake.catalog]
+            if waiting.get(lake.catalog) is block:
+                del waiting[lake.catalog]
 
 
-@dataclass
-class _Kept:
-    """What is to close at the end of a block, and whether nothing has been opened in it yet."""
-
-    stack: ExitStack
-    first: bool = True
-
-
-def _kept_open() -> dict[Path, _Kept]:
-    """Of this thread, by the catalog's path."""
-    found: dict[Path, _Kept] = _own.__dict__.setdefault("kept open", {})
+def _unopened() -> dict[Path, ExitStack]:
+    """The blocks of this thread in which a catalog, by its path, was not read yet; they close it at their end."""
+    found: dict[Path, ExitStack] = _own.__dict__.setdefault("unopened", {})
     return found
 
 

@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from contextvars import ContextVar
+from functools import partial
 from io import FileIO
 from pathlib import Path
 from typing import Final, NamedTuple, TypeVar
@@ -155,6 +156,10 @@ def _fault_at(path: Path, wanted: FileSums) -> str | None:
     return None
 
 
+def _fault_among(listed: Listed, name: str, path: Path) -> str | None:
+    return _fault_at(path, listed[name]) if name in listed else "is not listed in the catalog"
+
+
 def _other_size(size: int, wanted: FileSums) -> str:
     return f"has {size} bytes where {wanted.size} were written"
 
@@ -218,9 +223,7 @@ def sound_files(lake: Lake, files: Iterable[str]) -> list[Path]:
     paths = lake.paths(names)
     bring(lake, [listed[name] for name in names if name in listed])
 
-    def wrong_with(name: str, path: Path) -> str | None:
-        return _fault_at(path, listed[name]) if name in listed else "is not listed in the catalog"
-
+    wrong_with = partial(_fault_among, listed)
     if sum(listed[name].size for name in names if name in listed) < _TOGETHER:
         faults = list(map(wrong_with, names, paths))
     else:
@@ -243,8 +246,7 @@ def sound_while(lake: Lake, file: str, read: Callable[[Path], Found]) -> Found:
     bring(lake, [listed[file]] if file in listed else [])
 
     def compare() -> None:
-        wrong = _fault_at(path, listed[file]) if file in listed else "is not listed in the catalog"
-        if wrong is not None:
+        if (wrong := _fault_among(listed, file, path)) is not None:
             raise DamagedError(damage(lake, file, wrong))
 
     found: list[Found] = []

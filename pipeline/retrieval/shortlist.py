@@ -43,7 +43,7 @@ class Cascade:
         Raises:
             UserError: none can.
         """
-        values = self._values(query, failed, mirrored=mirrored)
+        values = self._values(self._methods, query, failed, mirrored=mirrored)
         if failed and not values:
             raise failed[0]
         admitted = self._clips.admits(scope.clips)
@@ -114,8 +114,8 @@ class Cascade:
         method = self._methods[name]
         value = self._value(method, query, mirrored=mirrored)
         with limited(1):  # as of all methods together
-            values = {} if method.told_by_vectors else self._values(query, [], mirrored=mirrored)
-            likeness = self._likeness({**values, name: value})
+            others = [] if method.told_by_vectors else [other for other in self._methods if other != name]
+            likeness = self._likeness({**self._values(others, query, [], mirrored=mirrored), name: value})
             together = sum(likeness.values(), start=self._clips.admits(scope.clips))
             rows = np.sort(largest(together, max(k + 1, method.chosen)))
             found, distances = self._shared(self._compared([name]), {name: value}, rows, k + 1)[name]
@@ -126,12 +126,14 @@ class Cascade:
         kept = np.flatnonzero(found != (-1 if own is None else own))[:k]
         return self._as_hits(found[kept].tolist(), distances[kept].tolist())
 
-    def _values(self, query: Query, failed: list[UserError], *, mirrored: bool) -> dict[str, Value]:
-        """What each method compares of a query; `failed` gets why some cannot."""
+    def _values(
+        self, names: Iterable[str], query: Query, failed: list[UserError], *, mirrored: bool
+    ) -> dict[str, Value]:
+        """What each of some methods compares of a query; `failed` gets why some cannot."""
         values: dict[str, Value] = {}
-        for name, method in self._methods.items():
+        for name in names:
             try:
-                values[name] = self._value(method, query, mirrored=mirrored)
+                values[name] = self._value(self._methods[name], query, mirrored=mirrored)
             except DamagedError:
                 raise
             except UserError as error:

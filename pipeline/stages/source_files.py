@@ -38,7 +38,7 @@ def scan(root: Path, lake: Lake) -> Iterator[SourceFile]:
     start, own = len(str(root / "_")) - 1, lake.root
     folders = list[str]()
     folder = str(root)
-    plain = dict[str, bool]()  # whether the names that end so tell that a file is a clip, without companions
+    plain = set[str]()  # names that end so tell that a file is a clip without companions
     while True:
         relative = f"{folder[start:]}/" if len(folder) > start else ""
         within = list[str]()
@@ -47,13 +47,14 @@ def scan(root: Path, lake: Lake) -> Iterator[SourceFile]:
             if name[0] == ".":
                 continue
             ending = name[name.rfind(".") :]
-            if ending in plain and plain[ending] and not _is_folder(entry):
+            if ending in plain and not _is_folder(entry):
                 yield _source_file(entry, relative + name)
             elif _is_folder(entry):
                 if not entry.is_symlink() and not (name == own.name and Path(entry.path) == own):
                     within.append(entry.path)
             elif by_name := clip_by_name(name):
-                plain[ending] = ending.lower() != COMPRESSED_SUFFIX
+                if ending.lower() != COMPRESSED_SUFFIX:
+                    plain.add(ending)
                 yield _source_file(entry, relative + name)
             elif by_name is None and is_clip(path := Path(entry.path)):
                 yield _source_file(entry, relative + name, _companions(path))
