@@ -13,10 +13,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from motionlake.errors import DamagedError
+from motionlake.lake import integrity
 from motionlake.lake.catalog import fetch, writing
 from motionlake.lake.catalog_file import read_sums
-from motionlake.lake.integrity import list_files, sound, sums_of
-from motionlake.lake.layout import open_lake
+from motionlake.lake.integrity import list_files, sound, sound_while, sums_of
+from motionlake.lake.layout import Lake, open_lake
 from motionlake.lake.loaded import loaded
 
 from tests.lakes import Changed, assert_same, motionlake, query, tables
@@ -304,3 +305,22 @@ def test_a_model_is_read_once_and_again_when_it_changes(lake: Path) -> None:
     os.utime(path, ns=(2, 2))
     with pytest.raises(DamagedError):
         loaded(load, held, file)
+
+
+def test_what_is_read_of_a_damaged_file_is_not_given(tmp_path: Path) -> None:
+    """Whether reading it fails or not, the damage is told."""
+    lake = Lake(tmp_path)
+    lake.path("frames").mkdir()
+    path = lake.path("frames/part")
+    path.write_bytes(b"as it was written")
+    sums = sums_of(lake, "frames/part")
+    with integrity.given([sums]):
+        assert sound_while(lake, "frames/part", Path.read_bytes) == b"as it was written"
+        with pytest.raises(ZeroDivisionError):
+            sound_while(lake, "frames/part", lambda _: 1 // 0)
+    path.write_bytes(b"as it is now here")
+    for read in (Path.read_bytes, lambda _: 1 // 0):
+        with integrity.given([sums]), pytest.raises(DamagedError, match="holds other bytes"):
+            sound_while(lake, "frames/part", read)
+    with integrity.given([]), pytest.raises(DamagedError, match="not listed"):
+        sound_while(lake, "frames/part", Path.read_bytes)

@@ -13,7 +13,7 @@ from motionlake.errors import DamagedError
 from motionlake.lake import integrity
 from motionlake.lake.integrity import sums_of
 from motionlake.lake.layout import Lake
-from motionlake.stages.mapped_part import SUMS, MappedPart, lists_of, read_rows, rows_of_clips, write_mapped
+from motionlake.stages.mapped_part import FOOT, HEAD, SUMS, MappedPart, lists_of, read_rows, rows_of_clips, write_mapped
 
 FILE = "features/part.arrow"
 COUNTS = {"walks/one.bvh": 3, "walks/two.bvh": 1, "runs/ünü.bvh": 4}
@@ -47,6 +47,25 @@ def test_rows_of_some_clips_are_theirs(lake: Lake) -> None:
             assert len(found) == count
             np.testing.assert_array_equal(found, wanted[clip])
     assert list(some(lake, "walks/one.bvh", "none.bvh")) == ["walks/one.bvh"]
+
+
+def test_rows_of_many_large_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """More than are mapped at a time, each longer than what is read of its ends; the oracle reads all rows."""
+    monkeypatch.setattr("motionlake.stages.mapped_part.TOGETHER", 2)
+    lake, rng = Lake(tmp_path), np.random.default_rng(5)
+    files = [f"features/{k}.arrow" for k in range(5)]
+    for k, file in enumerate(files):
+        clips = [f"{k}/{clip}" for clip in range(30) for _ in range(700)]
+        values = lists_of(rng.normal(size=(len(clips), 3)).astype(np.float32))
+        write_mapped(lake.path(file), pa.table({"clip": clips, "value": values}), "key")
+        assert lake.path(file).stat().st_size > 2 * (HEAD + FOOT)
+    wanted = {file: {f"{k}/0", f"{k}/{k + 7}", f"{k}/29"} for k, file in enumerate(files)}
+    with integrity.given([sums_of(lake, file) for file in files]):
+        found = rows_of_clips(lake, wanted, "value")
+    every = {clip: rows for file in files for clip, rows in read_rows(lake.path(file), "value")}
+    assert found.keys() == set().union(*wanted.values())
+    for clip, rows in found.items():
+        np.testing.assert_array_equal(rows, every[clip])
 
 
 @given(st.data())

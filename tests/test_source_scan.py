@@ -62,6 +62,8 @@ def test_a_folder_of_every_kind_of_file_is_scanned_as_each_file_tells(tmp_path: 
     (walks / "subject.asf").write_bytes(b"of two takes")
     (walks / "subject_01.amc").write_bytes(b"a take")
     (walks / ".c.bvh").write_bytes(b"")
+    (walks / "c.bvh").mkdir()  # a folder that is named as the clips before it
+    (walks / "c.bvh" / "d.bvh").write_bytes(b"HIERARCHY")
     (walks / "lost.bvh").symlink_to(tmp_path / "nothing")
     (walks / "again").symlink_to(walks / "deep", target_is_directory=True)
     (walks / os.fsdecode(b"take\xe9.bvh")).write_bytes(b"")

@@ -345,7 +345,8 @@ def test_keys_are_those_that_lakes_hold() -> None:
     assert config_hash({"other": "pretrained"}) != config_hash({"other": "shipped"})
     assert config_hash("pretrained") != config_hash("shipped")
     for shaping in ([], [config], [{"weights": "pretrained"}, "é", [1, None]]):
-        assert SYMBOLS.key_of("k", shaping) == config_hash("symbols", SYMBOLS.version, "k", *shaping)
+        for upstream in ("k", "0f" * 32, "", "é1", 'a"b', "a b"):
+            assert SYMBOLS.key_of(upstream, shaping) == config_hash("symbols", SYMBOLS.version, upstream, *shaping)
 
 
 def test_a_file_that_cannot_be_read_is_known_as_one_without_content(tmp_path: Path) -> None:
