@@ -90,7 +90,7 @@ def main() -> None:
     parser.add_argument("--checkpoint", type=Path, help="a file that keeps training, to go on from")
     given = parser.parse_args()
     made = train(classes(), given.seed, given.epochs, given.checkpoint)
-    for network in (made.glogen, made.locgen, made.lead):
+    for network in (made.glogen, made.locgen, made.onset):
         network.half()  # half the file; they are read as single precision again
     given.out.parent.mkdir(parents=True, exist_ok=True)
     made.save(given.out)

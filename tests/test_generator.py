@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from motionlake.glogen.config import GloGenRecipe, LocGenRecipe, SynthesisConfig
+from motionlake.glogen.config import GloGenRecipe, LocGenRecipe, OnsetRecipe, SynthesisConfig
 from motionlake.glogen.generator import (
     METADATA_KEY,
     TrainedGenerator,
@@ -31,6 +31,7 @@ from tests.test_trajectories import swinging
 
 SMALL = GloGenRecipe(embedding=16, state=16, layers=1, latent=4, epochs=20, steps=0, going_steps=0)
 DENSE = LocGenRecipe(embedding=16, state=16, epochs=2, steps=0)
+ONSET = OnsetRecipe(width=16, epochs=4)
 BODY = 1.3 * STANDARD
 
 
@@ -47,7 +48,7 @@ def generator(request: pytest.FixtureRequest) -> TrainedGenerator:
     glogen = replace(SMALL, architecture="blocks", latent=0) if blocks else SMALL
     locgen = replace(DENSE, architecture="between", between=5, dropout=0) if blocks else DENSE
     read = [body_motion(motion, 30.0) for motion in motions]
-    return fit_generator(read, labels, SynthesisConfig(recipe=request.param), glogen=glogen, locgen=locgen)
+    return fit_generator(read, labels, SynthesisConfig(recipe=request.param), glogen=glogen, locgen=locgen, onset=ONSET)
 
 
 def wish(*classes: str, seconds: float = 3.0, seed: int = 0, **more: Any) -> MotionRequest:
@@ -110,12 +111,14 @@ def test_whole_actions_fill_the_time() -> None:
             course.take(block)
             blocks += 1
         assert blocks == times
+        assert course.slowed == pytest.approx(slower, rel=1e-4)
         np.testing.assert_allclose(np.diff(course.times()), 0.1 * slower, rtol=1e-4)
         assert course.times()[-1] == pytest.approx(seconds, abs=0.1 * slower)
     course = Rollout(block[:5], [0, 1], np.zeros((2, 4)), 4.0, 1.0, [False, True])
     course.take(block)
     assert not course.anew
     course.take(block)
+    assert course.slowed == 1.0
     assert course.target == 1
     assert course.anew
     np.testing.assert_allclose(np.diff(course.times()), 0.1, rtol=1e-9)
@@ -136,7 +139,7 @@ def test_of_a_class_no_more_poses_are_kept_than_its_motions_have() -> None:
 def test_pace_changes_the_tempo() -> None:
     motions, labels = clips()
     read = [body_motion(motion, 30.0) for motion in motions]
-    fitted = fit_generator(read, labels, SynthesisConfig(), glogen=replace(SMALL, epochs=60), locgen=DENSE)
+    fitted = fit_generator(read, labels, SynthesisConfig(), glogen=replace(SMALL, epochs=60), locgen=DENSE, onset=ONSET)
     slow, even, fast = fitted.generate([wish(seconds=4.0, temperature=0.0, pace=pace) for pace in (0.5, 1.0, 2.0)])
 
     def speed(made: GeneratedMotion, part: slice) -> float:
@@ -211,7 +214,8 @@ def test_training_is_the_same_again_and_tells_its_progress() -> None:
     config = SynthesisConfig(seed=5, epochs=2)
     one = train_generator(material, config, progress=lambda done, all_, _: told.append((done, all_)))
     other = train_generator(material, config)
-    assert told == [(epoch, 6) for epoch in range(1, 7)]  # both classes go on: two networks of GloGen, one of LocGen
+    # Both classes go on: two networks of GloGen, one of LocGen, one of the onset.
+    assert told == [(epoch, 8) for epoch in range(1, 9)]
     assert (one.metrics["clips"], one.metrics["classes"], one.classes) == (6, 2, ["back", "walk"])
     np.testing.assert_array_equal(one.generate([wish()])[0].positions, other.generate([wish()])[0].positions)
     with pytest.raises(ValueError, match="no clips"):
@@ -232,7 +236,7 @@ def test_training_goes_on_at_the_network_it_was_interrupted_at(tmp_path: Path) -
     with pytest.raises(KeyboardInterrupt):
         train_generator(material, config, checkpoint=tmp_path / "training.safetensors", progress=stop)
     resumed = train_generator(material, config, checkpoint=tmp_path / "training.safetensors", progress=stop)
-    assert told == [1, 2, 3, 3, 4, 5, 6]
+    assert told == [1, 2, 3, 3, 4, 5, 6, 7, 8]
     assert list(tmp_path.iterdir()) == []
     again = train_generator(material, config)
     np.testing.assert_array_equal(resumed.generate([wish()])[0].positions, again.generate([wish()])[0].positions)
@@ -241,8 +245,8 @@ def test_training_goes_on_at_the_network_it_was_interrupted_at(tmp_path: Path) -
 def test_a_class_that_goes_on_learns_from_its_own_motions_alone() -> None:
     motions, labels = clips()
     read = [body_motion(motion, 30.0) for motion in motions]
-    both = fit_generator(read, labels, SynthesisConfig(), glogen=SMALL, locgen=DENSE)
-    alone = fit_generator(read[:8], labels[:8], SynthesisConfig(), glogen=SMALL, locgen=DENSE)
+    both = fit_generator(read, labels, SynthesisConfig(), glogen=SMALL, locgen=DENSE, onset=ONSET)
+    alone = fit_generator(read[:8], labels[:8], SynthesisConfig(), glogen=SMALL, locgen=DENSE, onset=ONSET)
     assert (both.classes, both.cyclic, both.glogen.of) == (["back", "walk"], [True, True], [[0], [1]])
     for name, value in alone.glogen.network(0).state_dict().items():
         torch.testing.assert_close(both.glogen.network(1).state_dict()[name], value, rtol=0, atol=0)

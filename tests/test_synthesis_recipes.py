@@ -13,8 +13,9 @@ from motionlake.api import Lake
 from motionlake.glogen.config import PRETRAINED_GENERATOR, SynthesisConfig
 from motionlake.glogen.generator import load_generator
 from motionlake.glogen.likeness import start_distances
-from motionlake.matching.database import SIDED, build_database
+from motionlake.matching.database import build_database
 from motionlake.matching.recordings import MatchingClip
+from motionlake.motion.sides import names_a_side
 from motionlake.stages.synthesis_control import Request
 from motionlake.stages.synthesize import clip_path
 
@@ -194,7 +195,7 @@ def test_the_demo_s_labels_name_every_motion_once() -> None:
     ],
 )  # fmt: skip
 def test_names_that_say_a_side(name: str, sided: bool) -> None:
-    assert bool(SIDED.search(name)) is sided
+    assert names_a_side(name) is sided
 
 
 @pytest.mark.recordings

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
@@ -13,7 +13,8 @@ from motionlake.evaluation.synthesis.errors import MILLISECONDS
 from motionlake.glogen.config import SEEDS, SPARSE, SynthesisConfig
 from motionlake.glogen.generator import TrainedGenerator
 from motionlake.glogen.inbetweening import dense_motions
-from motionlake.glogen.onset import state_at, with_onset
+from motionlake.glogen.onset import played, with_onset
+from motionlake.glogen.onset_examples import state_at
 from motionlake.glogen.rollout import Rollout, roll_out
 from motionlake.glogen.sparse import PIECE, TrainingPiece, even_motion, ranges
 from motionlake.glogen.trajectories import FPS, BodyMotion
@@ -157,10 +158,22 @@ def continued(
     return [with_onset(motion, ahead(generator, p, t)) for motion, p, t in zip(made, pieces, targets, strict=True)]
 
 
-def ahead(generator: TrainedGenerator, piece: TrainingPiece, target: int) -> Float64Array | None:
-    """[45, 64] rows that recorded bodies tell of after the given poses of a piece; None where none stood so."""
+def ahead(
+    generator: TrainedGenerator,
+    piece: TrainingPiece,
+    target: int,
+    by: Callable[[Float64Array, int], Float64Array] | None = None,
+) -> Float64Array | None:
+    """[20 to 45, 64] rows that the onset predicts after the given poses of a piece; None where no body stood so.
+
+    `by` one of the two that it is the mean of, or by both.
+    """
     place = piece.sparse.places[SEEDS - 1 : SEEDS]
-    return generator.lead.ahead(state_at(piece.motion, place)[0], target) if generator.cyclic[target] else None
+    state = state_at(piece.motion, place, generator.cyclic[target])[0]
+    rows = generator.onset.ahead(state, target)
+    if rows is None or by is None:
+        return rows
+    return played(state, by(state, target), int(generator.onset.frames[target]))
 
 
 def apart(made: Float32Array, one: Asked, place: float) -> NDArray[np.float64]:

@@ -57,7 +57,6 @@ def measure_errors(given: argparse.Namespace) -> dict[str, Any]:
     units = [
         errors.Unit(name, method, fold, given.epochs, given.generators)
         for name in given.splits or SPLITS for method in given.methods or errors.METHODS for fold in given.folds
-        if errors.fits(name, method)
     ]  # fmt: skip
     kept: dict[str, dict[str, list[Any]]] = {}
     for unit, rows in in_processes(errors.measure, units, given.processes, str, given.keep):

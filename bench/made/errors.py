@@ -2,7 +2,8 @@
 
 All are asked at the same moments of the same clips (`bench.glogen.dense`), and learn from the clips of the other folds.
 "seq2seq, all channels" reads what motion matching and the networks read: joints, height, velocity and turning of the
-hips, each clip mirrored too, and has as many steps as the networks (a thousand).
+hips, each clip mirrored too, and has as many steps as the networks (a thousand). "seq2seq, as the onset" is trained as
+the network of the onset is: clips at its paces, mirrored but where a class is done with one side, as many steps.
 """
 
 from __future__ import annotations
@@ -16,6 +17,9 @@ from typing import Any, Final
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array
 from motionlake.glogen.config import SEEDS as GIVEN
+from motionlake.glogen.config import onset_recipe
+from motionlake.glogen.onset_examples import one_sided, played_at
+from motionlake.glogen.onset_network import PACES
 from motionlake.glogen.sparse import HEIGHT as JOINTS
 from motionlake.glogen.sparse import TrainingPiece, even_motion, ranges
 from motionlake.glogen.trajectories import FPS, BodyMotion, body_motion, mirrored
@@ -34,10 +38,11 @@ from bench.made.generators import matching, networks
 from bench.made.splits import SPLITS, offsets_of, parted
 
 LONG: Final = replace(DEFAULTS.budget, steps=1000)
-ALL_CHANNELS: Final = "seq2seq, all channels"
-LED, LEAD = "networks, led in", "lead-in alone"
-BY_NETWORKS: Final = ("networks", LED, LEAD)
-METHODS: Final = ("zero_velocity", "nearest_real", "seq2seq", ALL_CHANNELS, *BY_NETWORKS, "matching")
+ALL_CHANNELS, ALIKE = "seq2seq, all channels", "seq2seq, as the onset"
+LED: Final = "networks, led in"
+ONSET: Final = ("onset", "onset, kernels alone", "onset, network alone")
+BY_NETWORKS: Final = ("networks", LED, *ONSET)
+METHODS: Final = ("zero_velocity", "nearest_real", "seq2seq", ALL_CHANNELS, ALIKE, *BY_NETWORKS, "matching")
 Errors = dict[str, Any]
 
 
@@ -74,11 +79,6 @@ def measure(unit: Unit) -> dict[str, Errors]:
     return {unit.method: {"joint": joints.tolist(), "pose": poses.tolist(), "clips": clips}}
 
 
-def fits(split: str, method: str) -> bool:
-    """Whether a method is asked there: nothing leads actions in, which come to an end."""
-    return SPLITS[split].classes[0] in GOING or method not in (LED, LEAD)
-
-
 def _methods(unit: Unit) -> Callable[[Unit, Sequence[Moment]], Float64Array]:
     if unit.method in BY_NETWORKS:
         return _by_networks
@@ -112,10 +112,15 @@ def _targets(moments: Sequence[Moment]) -> list[int]:
 
 
 def _by_baseline(unit: Unit, moments: Sequence[Moment]) -> Float64Array:
-    whole = unit.method == ALL_CHANNELS
+    whole, known = unit.method in (ALL_CHANNELS, ALIKE), _known(unit.split, unit.fold)
     method = "seq2seq" if whole else unit.method
-    settings = Settings(budget=LONG) if whole else CHOSEN.get(unit.split, {}).get(method, DEFAULTS)
-    learned = training_motions(_known(unit.split, unit.fold), whole)
+    settings = CHOSEN.get(unit.split, {}).get(method, DEFAULTS)
+    if unit.method == ALIKE:
+        recipe = onset_recipe(unit.epochs)
+        steps = recipe.epochs_of(len(known.classes)) * recipe.epoch
+        learned, settings = as_the_onset(known), Settings(budget=replace(DEFAULTS.budget, steps=steps))
+    else:
+        learned, settings = training_motions(known, whole), Settings(budget=LONG) if whole else settings
     trained = fitted(DENSE[method](settings_of(unit.epochs, settings)), learned, unit.fold)
     pasts = [_frames(m.asked.piece.motion, whole)[: m.asked.start + 1] for m in moments]
     made = trained.predict(pasts, np.array(_targets(moments), dtype=np.int64))[..., :JOINTS]
@@ -124,16 +129,39 @@ def _by_baseline(unit: Unit, moments: Sequence[Moment]) -> Float64Array:
 
 def training_motions(known: Material, whole: bool) -> Motions:
     """Clips as baselines read them: frames of pieces; where `whole`, the root's motion too, and each mirrored."""
+    each = [
+        (one, target)
+        for motion, target in zip(known.motions, known.targets, strict=True)
+        for one in ((motion, mirrored(motion)) if whole else (motion,))
+    ]
+    return _pieces(each, len(known.classes), whole)
+
+
+def as_the_onset(known: Material) -> Motions:
+    """Clips as the network of the onset learns from them: at its paces, mirrored but for classes done with one side."""
+    of_class = [
+        [m for m, t in zip(known.motions, known.targets, strict=True) if t == c] for c in range(len(known.classes))
+    ]
+    sided = [one_sided(own, name in GOING) for own, name in zip(of_class, known.classes, strict=True)]
+    each = [
+        (played_at(one, pace), target)
+        for motion, target in zip(known.motions, known.targets, strict=True)
+        for one in ((motion,) if sided[target] else (motion, mirrored(motion)))
+        for pace in PACES
+    ]
+    return _pieces(each, len(known.classes), True)
+
+
+def _pieces(motions: Sequence[tuple[BodyMotion, int]], classes: int, whole: bool) -> Motions:
     found: list[Float32Array] = []
-    classes: list[int] = []
-    for motion, target in zip(known.motions, known.targets, strict=True):
-        for each in (motion, mirrored(motion)) if whole else (motion,):
-            for start, stop in ranges(len(each)):
-                if stop - start > HORIZON + GIVEN:
-                    found.append(_frames(each.cut(start, stop), whole))
-                    classes.append(target)
-    count = len(known.classes) if len(known.classes) > 1 else 0
-    return Motions(found, np.array(classes if count else [0] * len(found), dtype=np.int64), count, (), BONES)
+    targets: list[int] = []
+    for motion, target in motions:
+        for start, stop in ranges(len(motion)):
+            if stop - start > HORIZON + GIVEN:
+                found.append(_frames(motion.cut(start, stop), whole))
+                targets.append(target)
+    count = classes if classes > 1 else 0
+    return Motions(found, np.array(targets if count else [0] * len(found), dtype=np.int64), count, (), BONES)
 
 
 def _frames(motion: BodyMotion, whole: bool) -> Float32Array:
@@ -144,8 +172,9 @@ def _by_networks(unit: Unit, moments: Sequence[Moment]) -> Float64Array:
     maker = networks(unit.split, unit.fold, unit.epochs, unit.generators)
     pieces, targets = [moment.asked.piece for moment in moments], _targets(moments)
     places = [float(piece.sparse.places[GIVEN - 1]) for piece in pieces]
-    if unit.method == LEAD:
-        rows = [ahead(maker, piece, target) for piece, target in zip(pieces, targets, strict=True)]
+    if unit.method in ONSET:
+        by = {ONSET[1]: maker.onset.by_kernel, ONSET[2]: maker.onset.by_network}.get(unit.method)
+        rows = [ahead(maker, piece, target, by) for piece, target in zip(pieces, targets, strict=True)]
         still = [np.repeat(moment.asked.known[-1:], HORIZON, axis=0) for moment in moments]
         made = [own if row is None else row[:HORIZON, :JOINTS] for own, row in zip(still, rows, strict=True)]
     else:

@@ -168,6 +168,34 @@ class LocGenRecipe(Recipe):
         return max(self.epochs, -(-self.steps // self.batches(count)))
 
 
+@dataclass(frozen=True)
+class OnsetRecipe:
+    """Size and training of the network of the onset.
+
+    Attributes:
+        width, blocks: of its hidden layers.
+        steps: of training for one class, and `more` for each other one.
+        epoch: steps that are told of as one.
+        epochs: so many, whatever the steps; 0: as many as these make.
+    """
+
+    width: int = 256
+    blocks: int = 2
+    dropout: float = 0.1
+    optimiser: Literal["adam", "sgd"] = "adam"
+    learning_rate: float = 2e-3
+    weight_decay: float = 0.01
+    batch: int = 64
+    steps: int = 2000
+    more: int = 500
+    epoch: int = 50
+    epochs: int = 0
+
+    def epochs_of(self, classes: int) -> int:
+        """How many epochs are trained for so many classes with examples."""
+        return self.epochs or -(-(self.steps + self.more * (classes - 1)) // self.epoch)
+
+
 # Sections 4.2 and 4.3: pose embedding 200, state 1000, SGD at 0.1, batches of 64, mean squared error; LocGen the same
 # without classes, M = 5. For how many epochs is not said.
 _THESIS: Final[dict[str, Any]] = {
@@ -196,3 +224,8 @@ def locgen_recipe(name: str, epochs: int = 0) -> LocGenRecipe:
     """As `glogen_recipe`."""
     found = _LOCGEN[_TRAINED.get(name, name)]
     return replace(found, epochs=epochs, steps=0) if epochs else found
+
+
+def onset_recipe(epochs: int = 0) -> OnsetRecipe:
+    """The recipe of the onset; `epochs` other than 0 replaces its own."""
+    return OnsetRecipe(epochs=epochs)

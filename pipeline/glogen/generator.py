@@ -10,11 +10,13 @@ from typing import Any, Final
 import numpy as np
 import torch
 from motionlake.arrays import Float32Array, Float64Array
-from motionlake.glogen.config import SEEDS, GloGenRecipe, LocGenRecipe, SynthesisConfig
+from motionlake.glogen.config import SEEDS, GloGenRecipe, LocGenRecipe, OnsetRecipe, SynthesisConfig
 from motionlake.glogen.inbetweening import DenseDecoder, Inbetweener, dense_motions, locgen_network
 from motionlake.glogen.keyed import keyed_motion
 from motionlake.glogen.network import glogen_network
-from motionlake.glogen.onset import FEATURES, Onset, state_at, with_onset
+from motionlake.glogen.onset import Onset, with_onset
+from motionlake.glogen.onset_examples import FEATURES, state_at
+from motionlake.glogen.onset_network import OnsetNetwork
 from motionlake.glogen.rollout import Rollout, roll_out
 from motionlake.glogen.sparse import WIDTH, even_motion, ranges, sparse_motion
 from motionlake.glogen.training import ByClass
@@ -34,14 +36,14 @@ class StartState:
 
     Attributes:
         rows: [5, 65] sparse poses.
-        state: [244] pose and velocities at the last of them (`onset.state_at`); None unless the class is cyclic.
+        state: [245] pose and velocities at the last of them (`onset_examples.state_at`).
         root: [3] hips in the last pose, metres; y is that of the ground.
         yaw: heading of the last pose, radians.
         first, last: frames [first, last) of the clip, at its own rate, that the poses are from.
     """
 
     rows: Float64Array
-    state: Float64Array | None
+    state: Float64Array
     root: Float64Array
     yaw: float
     first: int
@@ -83,7 +85,7 @@ def start_state(seed: SeedClip, chance: int, sparse: int, cyclic: bool = False) 
     height = motion.height[min(len(motion) - 1, round(start + found.places[SEEDS - 1]))]
     root[1] -= height * measured_length(positions)
     yaw = float(facing(positions[last : last + 1])[0])
-    state = state_at(piece, found.places[SEEDS - 1 : SEEDS])[0] if cyclic else None
+    state = state_at(piece, found.places[SEEDS - 1 : SEEDS], cyclic)[0]
     return StartState(found.rows[:SEEDS], state, root, yaw, begin + int(places[0]), begin + last + 1)
 
 
@@ -98,7 +100,7 @@ class TrainedGenerator:
         reach: [C] median number of poses that follow the first five in training motions (`reach`); later predictions
             are not used, since the network had no examples of them.
         glogen, locgen: networks in evaluation mode, on the CPU; GloGen has one for each cyclic class.
-        lead: predicts the frames right after a seed clip.
+        onset: predicts the frames right after a seed clip; nothing of the thesis's recipe.
         metrics: metrics of its training.
     """
 
@@ -108,7 +110,7 @@ class TrainedGenerator:
     reach: list[int]
     glogen: ByClass
     locgen: DenseDecoder | Inbetweener
-    lead: Onset
+    onset: Onset
     metrics: Mapping[str, Any]
 
     def generate(self, requests: Sequence[MotionRequest]) -> list[GeneratedMotion]:
@@ -132,7 +134,7 @@ class TrainedGenerator:
                 times = [rollouts[i].times() for i in chosen]
                 for i, motion in zip(chosen, dense_motions(self.locgen, rows, times, frames), strict=True):
                     start, body = starts[i], requests[i].start.rest_offsets
-                    begun = with_onset(motion, self._ahead(requests[i], start))
+                    begun = with_onset(motion, self._ahead(requests[i], start, rollouts[i].slowed))
                     positions, rotations = in_world(begun, body, start.root, start.yaw)
                     begins = tuple(min(frames - 1, round(second * FPS)) for second in rollouts[i].begins)
                     made[i] = GeneratedMotion(positions, rotations, body, FPS, begins, start.first, start.last)
@@ -149,9 +151,8 @@ class TrainedGenerator:
         cyclic = self.cyclic[self.classes.index(request.classes[0])]
         return start_state(request.start, request.seed, self.glogen.recipe.sparse, cyclic)
 
-    def _ahead(self, request: MotionRequest, start: StartState) -> Float64Array | None:
-        target = self.classes.index(request.classes[0])
-        return None if start.state is None else self.lead.ahead(start.state, target, request.pace)
+    def _ahead(self, request: MotionRequest, start: StartState, slowed: float) -> Float64Array | None:
+        return self.onset.ahead(start.state, self.classes.index(request.classes[0]), request.pace / slowed)
 
     def _rollout(self, request: MotionRequest, start: StartState) -> Rollout:
         targets = [self.classes.index(name) for name in request.classes]
@@ -162,15 +163,15 @@ class TrainedGenerator:
         return Rollout(start.rows, targets, latent, request.seconds, request.pace, ending, reach)
 
     def _networks(self) -> nn.ModuleDict:
-        return nn.ModuleDict({"glogen": self.glogen, "locgen": self.locgen, "lead": self.lead})
+        return nn.ModuleDict({"glogen": self.glogen, "locgen": self.locgen, "onset": self.onset})
 
     def save(self, path: Path) -> None:
         """Write it as one safetensors file."""
         kept = {
             "config": asdict(self.config), "classes": self.classes, "going": self.cyclic, "reach": self.reach,
-            "figures": dict(self.metrics), "examples": len(self.lead.classes), "lead_features": FEATURES,
+            "figures": dict(self.metrics), "examples": len(self.onset.classes), "onset_features": FEATURES,
             "joints": list(JOINTS), "glogen": asdict(self.glogen.recipe), "networks": self.glogen.of,
-            "locgen": asdict(self.locgen.recipe),
+            "onset": asdict(self.onset.network.recipe), "locgen": asdict(self.locgen.recipe),
         }  # fmt: skip
         save_network(path, self._networks(), METADATA_KEY, kept)
 
@@ -188,15 +189,16 @@ def load_generator(path: Path) -> TrainedGenerator:
     tensors, kept = read_network(path, METADATA_KEY)
     if kept["joints"] != list(JOINTS):
         raise ValueError(f"{path} was trained on another skeleton: {', '.join(kept['joints'])}")
-    if kept.get("lead_features") != FEATURES or "networks" not in kept:
+    if kept.get("onset_features") != FEATURES or "networks" not in kept:
         raise ValueError(f"{path} was made by an earlier version; train one anew with `motionlake train synthesis`")
     recipe = GloGenRecipe(**kept["glogen"])
     glogen = ByClass(recipe, [glogen_network(recipe, len(own)) for own in kept["networks"]], kept["networks"])
     locgen = locgen_network(LocGenRecipe(**kept["locgen"]))
-    lead = Onset(len(kept["classes"]), kept["examples"])
+    network = OnsetNetwork(len(kept["classes"]), OnsetRecipe(**kept["onset"]))
+    onset = Onset(len(kept["classes"]), network, kept["examples"]).eval()
     config = SynthesisConfig(**kept["config"])
     generator = TrainedGenerator(
-        config, kept["classes"], kept["going"], kept["reach"], glogen.eval(), locgen.eval(), lead, kept["figures"]
+        config, kept["classes"], kept["going"], kept["reach"], glogen.eval(), locgen.eval(), onset, kept["figures"]
     )
     generator._networks().load_state_dict(tensors)
     return generator

@@ -9,7 +9,16 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float32Array, Int64Array, Progress
-from motionlake.glogen.config import SEEDS, GloGenRecipe, LocGenRecipe, SynthesisConfig, glogen_recipe, locgen_recipe
+from motionlake.glogen.config import (
+    SEEDS,
+    GloGenRecipe,
+    LocGenRecipe,
+    OnsetRecipe,
+    SynthesisConfig,
+    glogen_recipe,
+    locgen_recipe,
+    onset_recipe,
+)
 from motionlake.glogen.generator import TrainedGenerator, TrainingMotion
 from motionlake.glogen.inbetweening import train_locgen
 from motionlake.glogen.onset import MOST as EXAMPLES
@@ -18,6 +27,7 @@ from motionlake.glogen.sparse import PIECE, TrainingPiece, cyclic_classes, piece
 from motionlake.glogen.training import ByClass, epochs_of, groups, train_glogen
 from motionlake.glogen.trajectories import BodyMotion, body_motion
 from motionlake.motion.calibration import recorded
+from motionlake.motion.sides import names_a_side
 
 STRIDE: Final = 25  # frames from piece to piece of a long clip, by the default recipe
 MOST: Final = 2000  # pieces that overlap, about
@@ -35,14 +45,14 @@ def train_generator(
 
     Args:
         motions: clips of known class; calibration poses at their ends are left out.
-        config: recipe, seed, epochs (of either network).
-        examples: most examples that the onset model keeps.
+        config: recipe, seed, epochs (of each network).
+        examples: that the kernels of the onset keep, at most.
         checkpoint: a file to save training to and to go on from; deleted at the end.
-        progress: called with (epochs done, epochs, mean loss) after each epoch of either network.
+        progress: called with (epochs done, epochs, mean loss) after each epoch of each network.
 
     Returns:
         The generator; the same for the same input, configuration and seed, interrupted or not. Its metrics: `clips`,
-        `classes`, `loss` of each epoch of GloGen, `locgen_loss`.
+        `classes`, `loss` of each epoch of GloGen, `locgen_loss`, `onset_loss`.
 
     Raises:
         ValueError: no clips, or one that cannot be read.
@@ -61,13 +71,14 @@ def fit_generator(
     *,
     glogen: GloGenRecipe | None = None,
     locgen: LocGenRecipe | None = None,
+    onset: OnsetRecipe | None = None,
     examples: int = EXAMPLES,
     checkpoint: Path | None = None,
     progress: Progress | None = None,
 ) -> TrainedGenerator:
     """`train_generator` of motions that are read already, by recipes other than the configuration's if given."""
     first = glogen or glogen_recipe(config.recipe, config.epochs)
-    second = locgen or locgen_recipe(config.recipe, config.epochs)
+    second, third = locgen or locgen_recipe(config.recipe, config.epochs), onset or onset_recipe(config.epochs)
     classes = sorted(set(labels))
     targets = [classes.index(label) for label in labels]
     cyclic = cyclic_classes(motions, targets, len(classes)) if first.architecture == "ahead" else [False] * len(classes)
@@ -79,7 +90,10 @@ def fit_generator(
         _Part.of(motions, targets, cyclic, own, first)
         for own in groups(cyclic, [target in known for target in range(len(classes))])
     ]
+    # The thesis has no onset.
+    led = [motion for motion in motions if first.architecture == "ahead"]
     epochs = sum(part.epochs(first) for part in parts) + second.epochs_of(len(whole))
+    epochs += third.epochs_of(len(known)) if led else 0
     done_before = 0
 
     def beside(name: str) -> Path | None:
@@ -101,17 +115,22 @@ def fit_generator(
     locgen_network, dense_losses = train_locgen(
         whole, second, config.seed, checkpoint=beside("locgen"), stays=True, progress=tell()
     )
-    for file in (*(beside(f"glogen-{i}") for i in range(len(parts))), beside("locgen")):
+    done_before += second.epochs_of(len(whole))
+    begins, onset_losses = fit_onset(
+        led, targets[: len(led)], cyclic, mirroring=[not names_a_side(name) for name in classes], examples=examples,
+        recipe=third, seed=config.seed, checkpoint=beside("onset"), progress=tell(),
+    )  # fmt: skip
+    for file in (*(beside(f"glogen-{i}") for i in range(len(parts))), beside("locgen"), beside("onset")):
         if file is not None:
             file.unlink(missing_ok=True)
     metrics = {
         "clips": len(motions), "classes": len(classes), "loss": [round(loss, 5) for loss in losses],
         "locgen_loss": [round(loss, 5) for loss in dense_losses],
+        "onset_loss": [round(loss, 5) for loss in onset_losses],
     }  # fmt: skip
     return TrainedGenerator(
         config, classes, cyclic, reach(motions, targets, cyclic, SEEDS, first.sparse),
-        ByClass(first, networks, [part.classes for part in parts]), locgen_network,
-        fit_onset(motions, targets, cyclic, examples), metrics,
+        ByClass(first, networks, [part.classes for part in parts]), locgen_network, begins, metrics,
     )  # fmt: skip
 
 

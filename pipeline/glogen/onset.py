@@ -1,69 +1,67 @@
 """The onset of a motion: the frames right after a seed clip, predicted from how recorded bodies went on.
 
-Sparse poses say where a motion goes, not how fast. So the first one and a half seconds after recorded frames are
-predicted by kernel regression on recorded bodies that stood and moved alike, then blended into the generated motion.
-This is for classes of cyclic motion, such as walking.
+Sparse poses say where a motion goes, not how fast, and the first of them lies a fifth of a second ahead. So two thirds
+of a second to one and a half after recorded frames are predicted by themselves, then blended into the generated motion.
+Kernel regression and a network both predict them, and the mean of the two is taken, which is nearer than either
+(docs/synthesis.md).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Final
 
 import numpy as np
 import torch
-from motionlake.arrays import Float64Array
+from motionlake.arrays import BoolArray, Float64Array, Progress
+from motionlake.glogen.config import OnsetRecipe
+from motionlake.glogen.onset_examples import (
+    FEATURES,
+    FUTURE,
+    KNOTS,
+    LEVELS,
+    ROOT,
+    SCALES,
+    Examples,
+    examples_of,
+    joined,
+    nearest,
+    one_sided,
+)
+from motionlake.glogen.onset_network import PACES, OnsetNetwork, train_onset_network
 from motionlake.glogen.sparse import HEIGHT
-from motionlake.glogen.trajectories import FPS, BodyMotion, mirrored
-from motionlake.motion.resampling import interpolated
+from motionlake.glogen.trajectories import BodyMotion
 from motionlake.training import on_threads
 from scipy.interpolate import PchipInterpolator
+from scipy.spatial.distance import cdist, pdist
 from torch import Tensor, nn
 
-FRAMES: Final = 45  # of the lead-in
-ALONE: Final = 10  # of these, that are not led over to the generated motion yet
-KNOTS: Final = (1, 2, 3, 4, 6, 8, 10, 13, 16, 20, 25, 30, 37, 45)  # frames that are predicted; smooth curves in between
-# Spans before a frame, of which it is seen how the joints moved: frames, from the nearer to the further end.
-RECENT: Final = ((0, 1), (0, 3), (3, 8))
-EARLIEST: Final = 3  # frame of a clip that is an example
-ROOT: Final = HEIGHT + 4  # joints, height, velocity, turning
-FEATURES: Final = ROOT + len(RECENT) * HEIGHT
-FUTURE: Final = len(KNOTS) * ROOT
-MOST: Final = 5000  # examples, of all classes together, half of them left for right
-SOFT: Final = 0.3  # ridge
+ALONE: Final = 0.5  # share of what is predicted that is not led over to the generated motion yet
+LEARNED: Final = 30_000  # examples that the network learns from, likewise
+MOST: Final = 5000  # examples that kernels keep, of all classes together, half of them left for right
+SOFT: Final = 0.1  # ridge
 LINEAR: Final = 0.3  # share of the linear kernel: states unlike the examples are extrapolated
-FURTHEST: Final = 2.0  # widths from the nearest example; beyond, nothing is predicted
-# What counts alike: joints and height in body lengths, velocity and turning a second, and speeds of joints. How joints
-# move says more than where they are.
-SCALES: Final = np.concatenate([np.full(HEIGHT, 0.2), [0.1], [0.6, 0.6], [2.0], np.full(FEATURES - ROOT, 0.6)])
-
-
-def state_at(motion: BodyMotion, places: Float64Array) -> Float64Array:
-    """[n, 244] how a body stands and moves at fractional frames, from these and those before alone."""
-    rows = motion.rows
-    now = interpolated(rows, places)
-    # Velocity and turning are towards the next frame: those of the frame before are known.
-    now[:, HEIGHT + 1 :] = interpolated(rows[:, HEIGHT + 1 :], np.maximum(places - 1, 0))
-    moved = []
-    for near, far in RECENT:
-        later, before = np.maximum(places - near, 0), np.maximum(places - far, 0)
-        gone = (later - before)[:, None]
-        change = interpolated(rows[:, :HEIGHT], later) - interpolated(rows[:, :HEIGHT], before)
-        moved.append(change / np.maximum(gone, 1e-9) * FPS * (gone > 1e-6))
-    return np.concatenate([now, *moved], axis=1)
+# A state is known that is no further from the nearest example than this times the quantile of the distances of examples
+# from the nearest of another clip.
+KNOWN: Final = 0.95
+FURTHEST: Final = 2.0
 
 
 class Onset(nn.Module):
-    """Kernel regression from how a body stands and moves to its next frames, one kernel for each of C classes.
+    """What follows how a body stands and moves: a kernel for each of C classes, and a network for all.
 
     A Matern kernel (3/2) plus a linear one, chosen on clips that no metric is reported of (docs/synthesis.md).
 
     Attributes:
         classes: [n] of the examples.
-        states: [n, 244] scaled.
+        states: [n, 245] in `SCALES`.
         coefficients: [n, 896] of what follows, less its mean.
         means: [C, 896].
-        widths: [C] of the kernels: the median distance of two examples; 0 where a class has none.
+        widths: [C] of the kernels: the median distance of two examples.
+        reaches: [C] how far from the nearest example a state is known.
+        frames: [C] how many are predicted; none of a class without examples.
+        network: of all classes.
     """
 
     classes: Tensor
@@ -71,110 +69,152 @@ class Onset(nn.Module):
     coefficients: Tensor
     means: Tensor
     widths: Tensor
+    reaches: Tensor
+    frames: Tensor
 
-    def __init__(self, classes: int, examples: int = 0) -> None:
+    def __init__(self, classes: int, network: OnsetNetwork, examples: int = 0) -> None:
         super().__init__()
         self.register_buffer("classes", torch.zeros(examples, dtype=torch.int64))
         self.register_buffer("states", torch.zeros(examples, FEATURES))
         self.register_buffer("coefficients", torch.zeros(examples, FUTURE))
         self.register_buffer("means", torch.zeros(classes, FUTURE))
         self.register_buffer("widths", torch.zeros(classes))
+        self.register_buffer("reaches", torch.zeros(classes))
+        self.register_buffer("frames", torch.zeros(classes, dtype=torch.int64))
+        self.network = network
 
     def ahead(self, state: Float64Array, target: int, pace: float = 1.0) -> Float64Array | None:
-        """[45, 64] rows of the frames after a state [244], pose and root; None where no recorded body moved so.
+        """[20 to 45, 64] rows of the frames after a state [245], pose and root; None where no recorded body moved so.
 
         As many frames as these take at another pace.
-
-        None: the class has no examples, or the nearest is `FURTHEST` times further away than they are from one another.
         """
-        width = float(self.widths[target])
+        frames = int(self.frames[target])
+        if not frames or not self._is_known(state, target):
+            return None
+        future = (self.by_kernel(state, target) + self.by_network(state, target)) / 2
+        return played(state, future, frames, pace)
+
+    def by_kernel(self, state: Float64Array, target: int) -> Float64Array:
+        """[14, 64] rows at `KNOTS` less that of the state, by kernel regression."""
+        own, known = self._own(target)
+        weights = _kernel(state[None] / SCALES, known, float(self.widths[target]))[0]
+        future: Float64Array = (
+            weights @ self.coefficients.numpy()[own].astype(float) + self.means[target].double().numpy()
+        )
+        return future.reshape(len(KNOTS), ROOT)
+
+    def by_network(self, state: Float64Array, target: int) -> Float64Array:
+        """The same by the network."""
+        return self.network.follow(state / SCALES, target)
+
+    def _is_known(self, state: Float64Array, target: int) -> bool:
+        near = cdist(state[None] / SCALES, self._own(target)[1]).min()
+        return bool(near <= FURTHEST * float(self.reaches[target]))
+
+    def _own(self, target: int) -> tuple[BoolArray, Float64Array]:
         own = (self.classes == target).numpy()
-        if not own.any():
-            return None
-        known, asked = self.states.numpy()[own].astype(float), state[None] / SCALES
-        if _squares(asked, known).min() > (FURTHEST * width) ** 2:
-            return None
-        weights = _kernel(asked, known, width)[0]
-        future = weights @ self.coefficients.numpy()[own].astype(float) + self.means[target].double().numpy()
-        knots = np.concatenate([np.zeros((1, ROOT)), future.reshape(len(KNOTS), ROOT)])
-        at = np.minimum(np.arange(1, max(1, round(FRAMES / pace)) + 1) * pace, FRAMES)
-        rows: Float64Array = state[:ROOT] + PchipInterpolator([0, *KNOTS], knots)(at)
-        rows[:, HEIGHT + 1 :] *= pace
-        return rows
+        return own, self.states.numpy()[own].astype(float)
+
+
+def played(state: Float64Array, future: Float64Array, frames: int, pace: float = 1.0) -> Float64Array:
+    """[round(frames / pace), 64] rows after a state [245], of what follows at `KNOTS`, [14, 64] less the state."""
+    count = 1 + int(np.searchsorted(KNOTS, frames, side="right"))
+    knots = np.concatenate([np.zeros((1, ROOT)), future])[:count]
+    at = np.minimum(np.arange(1, max(1, round(frames / pace)) + 1) * pace, frames)
+    rows: Float64Array = state[:ROOT] + PchipInterpolator([0, *KNOTS][:count], knots)(at)
+    rows[:, HEIGHT + 1 :] *= pace
+    return rows
 
 
 def fit_onset(
-    motions: Sequence[BodyMotion], targets: Sequence[int], cyclic: Sequence[bool], examples: int = MOST
-) -> Onset:
-    """Fit the kernels of every cyclic class.
+    motions: Sequence[BodyMotion],
+    targets: Sequence[int],
+    cyclic: Sequence[bool],
+    *,
+    mirroring: Sequence[bool] = (),
+    examples: int = MOST,
+    recipe: OnsetRecipe | None = None,
+    seed: int = 0,
+    checkpoint: Path | None = None,
+    progress: Progress | None = None,
+) -> tuple[Onset, list[float]]:
+    """Fit the kernels of every class, and train the network.
 
     Args:
         motions: whole clips.
         targets: class of each.
         cyclic: [C] whether each class is cyclic.
-        examples: of all classes together, at most.
+        mirroring: [C] whether mirror images of its clips may be of the same class; all by default, but for those that
+            are done with one side.
+        examples: that kernels keep, of all classes together, at most.
+        recipe: of the network.
+        seed: of its training.
+        checkpoint: a file to save that to and to go on from; it stays.
+        progress: called with (epochs done, epochs, mean loss).
+
+    Returns:
+        The onset in evaluation mode, and the loss of each epoch of the network.
     """
-    most = max(2, examples // max(1, sum(cyclic)))
-    found = [_examples(motions, targets, target, most) if on else None for target, on in enumerate(cyclic)]
-    lead = Onset(len(cyclic), sum(len(one[0]) for one in found if one))
-    filled = 0
+    count = len(cyclic)
+    own = [[motion for motion, of in zip(motions, targets, strict=True) if of == target] for target in range(count)]
+    sides = list(mirroring) or [True] * count
+    both = [sides[c] and not one_sided(own[c], cyclic[c]) for c in range(count)]
+
+    def of_classes(most: int, pace: float = 1.0) -> list[Examples]:
+        return [examples_of(own[c], cyclic[c], max(2, most // count), both=both[c], pace=pace) for c in range(count)]
+
+    learned = [joined(each) for each in zip(*(of_classes(LEARNED // len(PACES), pace) for pace in PACES), strict=True)]
+    network, losses = train_onset_network(
+        learned, recipe or OnsetRecipe(), seed, checkpoint=checkpoint, progress=progress
+    )
+    kept = [each if len(each) > 1 else each.of(slice(0)) for each in of_classes(examples)]
+    onset, filled = Onset(len(cyclic), network, sum(map(len, kept))), 0
     with on_threads(1):  # sums of threads differ from run to run
-        for target, one in enumerate(found):
-            if one is None:
+        for target, each in enumerate(kept):
+            if not len(each):
                 continue
-            states, futures = one
-            rows = slice(filled, filled := filled + len(states))
-            apart = _squares(states, states)
-            width = max(float(np.sqrt(np.median(apart[np.triu_indices(len(states), 1)]))), 1e-6)
-            mean = futures.mean(axis=0)
-            lead.classes[rows], lead.states[rows] = target, torch.from_numpy(states)
-            lead.coefficients[rows] = torch.from_numpy(_solved(_kernel(states, states, width), futures - mean))
-            lead.means[target], lead.widths[target] = torch.from_numpy(mean), width
-    return lead
+            rows = slice(filled, filled := filled + len(each))
+            onset.classes[rows], onset.states[rows] = target, torch.from_numpy(each.states)
+            width = max(float(np.median(pdist(each.states))), 1e-6)
+            coefficients, mean, frames = _fitted(each, _kernel(each.states, each.states, width))
+            onset.coefficients[rows], onset.means[target] = torch.from_numpy(coefficients), torch.from_numpy(mean)
+            onset.widths[target], onset.frames[target] = width, frames
+            onset.reaches[target] = _reach(each, width)
+    return onset.eval(), losses
 
 
-def _solved(kernel: Float64Array, wanted: Float64Array) -> Float64Array:
+def _fitted(examples: Examples, kernel: Float64Array) -> tuple[Float64Array, Float64Array, int]:
+    """Coefficients [n, 896], means [896], and how many frames are predicted: those that half of the clips go on for.
+
+    What is far ahead is learned from the examples that go on so long.
+    """
     from sklearn.kernel_ridge import KernelRidge
 
-    coefficients: Float64Array = KernelRidge(alpha=SOFT, kernel="precomputed").fit(kernel, wanted).dual_coef_
-    return coefficients
+    coefficients, mean, frames = np.zeros((len(examples), FUTURE)), np.zeros(FUTURE), 0
+    for level in LEVELS:
+        own = examples.lasting >= level
+        if own.sum() < 2 or len(np.unique(examples.clips[own])) * 2 < len(np.unique(examples.clips)):
+            break
+        columns = np.repeat((np.array(KNOTS) > frames) & (np.array(KNOTS) <= level), ROOT)
+        wanted = examples.futures[np.ix_(own, columns)]
+        mean[columns] = wanted.mean(axis=0)
+        solver = KernelRidge(alpha=SOFT, kernel="precomputed")
+        coefficients[np.ix_(own, columns)] = solver.fit(kernel[np.ix_(own, own)], wanted - mean[columns]).dual_coef_
+        frames = level
+    return coefficients, mean, frames
 
 
-def _examples(
-    motions: Sequence[BodyMotion], targets: Sequence[int], target: int, most: int
-) -> tuple[Float64Array, Float64Array] | None:
-    """Scaled states [n, 244] of frames that enough others follow, evenly chosen, and what follows them [n, 896]."""
-    own = [
-        each for motion, of in zip(motions, targets, strict=True) if of == target for each in (motion, mirrored(motion))
-    ]
-    places = [(i, place) for i, motion in enumerate(own) for place in range(EARLIEST, len(motion) - FRAMES)]
-    places = places[:: -(-len(places) // most)] if len(places) > most else places
-    if len(places) < 2:
-        return None
-    states, futures = [], []
-    for i, motion in enumerate(own):
-        at = np.array([place for of, place in places if of == i])
-        if not len(at):
-            continue
-        known, rows = state_at(motion, at.astype(float)), motion.rows
-        states.append(known / SCALES)
-        # Velocity and turning of a frame are towards the next one.
-        later = rows[at[:, None] + np.array(KNOTS)]
-        futures.append((later - known[:, None, :ROOT]).reshape(len(at), FUTURE))
-    return np.concatenate(states), np.concatenate(futures)
+def _reach(examples: Examples, width: float) -> float:
+    """How far examples are from the nearest one of another clip; of a single clip, the width of its kernel."""
+    near = nearest(examples, examples)
+    return float(np.quantile(near, KNOWN)) if np.isfinite(near).all() else width
 
 
 def _kernel(some: Float64Array, others: Float64Array, width: float) -> Float64Array:
     """[n, m] Matern's kernel (3/2) and a share of the linear one."""
-    apart = np.sqrt(3 * _squares(some, others)) / width
+    apart = np.sqrt(3) * cdist(some, others) / width
     kernel: Float64Array = (1 + apart) * np.exp(-apart) + LINEAR * (some @ others.T) / width**2
     return kernel
-
-
-def _squares(some: Float64Array, others: Float64Array) -> Float64Array:
-    """[n, m] squared distances."""
-    squares: Float64Array = (some**2).sum(axis=1)[:, None] + (others**2).sum(axis=1) - 2 * some @ others.T
-    return np.maximum(squares, 0)
 
 
 def with_onset(motion: BodyMotion, ahead: Float64Array | None) -> BodyMotion:
@@ -184,6 +224,6 @@ def with_onset(motion: BodyMotion, ahead: Float64Array | None) -> BodyMotion:
     count = min(len(motion), len(ahead))
     rows = motion.rows
     done = np.arange(1, count + 1) / len(ahead)
-    share = 0.5 + 0.5 * np.cos(np.pi * np.clip((done - ALONE / FRAMES) / (1 - ALONE / FRAMES), 0, 1))[:, None]
+    share = 0.5 + 0.5 * np.cos(np.pi * np.clip((done - ALONE) / (1 - ALONE), 0, 1))[:, None]
     rows[:count] = share * ahead[:count] + (1 - share) * rows[:count]
     return BodyMotion.of_rows(rows, motion.stands)

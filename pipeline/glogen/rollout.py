@@ -39,6 +39,7 @@ class Rollout:
         rows: sparse poses so far, from the last seed pose on; the logarithm of their seconds includes the pace.
         begins: start of each class, seconds.
         anew: whether a class, or a repetition of an action, starts with the next poses.
+        slowed: how many times as long the first prediction takes as it would, so that its action ends in time.
     """
 
     given: Float64Array
@@ -51,6 +52,7 @@ class Rollout:
     rows: list[Float64Array] = field(init=False)
     begins: list[float] = field(init=False, default_factory=lambda: [0.0])
     anew: bool = field(init=False, default=False)
+    slowed: float = field(init=False, default=1.0)
     _time: float = field(init=False, default=0.0)
 
     def __post_init__(self) -> None:
@@ -78,6 +80,8 @@ class Rollout:
         until = self.seconds * len(self.begins) / len(self.targets)
         self.anew = bool(self.ending) and self.ending[index]
         slower = self._fitting(made, until - self._time) if self.anew else 1.0
+        if len(self.rows) == 1:
+            self.slowed = slower
         taken = 0
         while taken < len(made) and self._time < until:
             row = made[taken].copy()

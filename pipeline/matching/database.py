@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -22,6 +21,7 @@ from motionlake.matching.recordings import (
 )
 from motionlake.motion.ground import ground_of, levelled
 from motionlake.motion.rotations import turn_on_ground
+from motionlake.motion.sides import names_a_side
 from motionlake.motion.skeleton import JOINTS, body_length
 from motionlake.weights import read_tensors, save_tensors
 from scipy.spatial.distance import cdist
@@ -37,8 +37,6 @@ ACTION: Final = 150  # frames that half of the recordings of an action have at m
 RESTING: Final = 5  # last frames of a recording, in which its mean squared speed is less than this share of the class's
 RESTS: Final = 0.2
 QUANTILES: Final = (0.05, 0.5, 0.95)  # of the speeds of a class that metrics tell, metres a second
-# Of a class whose name says a side, the mirror image shows something else.
-SIDED: Final = re.compile(r"(?<![a-z])(left|right|((counter|anti)-?)?clockwise)(?![a-z])", re.IGNORECASE)
 _TENSORS: Final = ("rotations", "hips", "steps", "turns", "stands", "aloft", "features", "pieces", "fps")
 
 
@@ -117,7 +115,7 @@ class MotionDatabase:
         Medians of nearest distances: of eight classes of utd_mhad and five of CMU those of one side have 3.7 times and
         more (throw, tennis_swing, knock, swipe_left), the others up to 1.5.
         """
-        if SIDED.search(self.classes[target]):
+        if names_a_side(self.classes[target]):
             return True
         own, rng = self.frames[target], np.random.default_rng(0)
         asked, among = rng.permutation(own)[:ASKED], rng.permutation(own)[:AMONG]

@@ -163,7 +163,7 @@ class GeneratorModel(ModelKind[MotionSet]):
     """What makes motion of known classes."""
 
     name = "synthesis"
-    version = 5  # 5: calibration poses at the ends of clips are left out
+    version = 6  # 6: a network predicts the onset beside kernels
     config = SynthesisConfig
     title = "generator"
     use = "makes motion"
