@@ -16,6 +16,7 @@ from motionlake.glogen.generator import (
     TrainedGenerator,
     TrainingMotion,
     load_generator,
+    start_state,
 )
 from motionlake.glogen.generator_training import fit_generator, train_generator
 from motionlake.glogen.rollout import FASTEST, Rollout
@@ -122,6 +123,29 @@ def test_whole_actions_fill_the_time() -> None:
     assert course.target == 1
     assert course.anew
     np.testing.assert_allclose(np.diff(course.times()), 0.1, rtol=1e-9)
+
+
+def test_an_action_goes_on_as_recorded_ones_did() -> None:
+    """Bodies that come to rest; what is made is nearer to the rest of an unseen one than its last given pose."""
+    eased = np.round(89 * (1 - np.cos(np.pi * np.linspace(0, 1, 80))) / 2).astype(int)
+    actions = [
+        np.concatenate([swinging(90, seed)[eased], np.repeat(swinging(90, seed)[89:], 10, axis=0)]) for seed in range(7)
+    ]
+    read = [body_motion(motion, 30.0) for motion in actions[:6]]
+    recipe = replace(ONSET, width=64, epochs=12)
+    made = fit_generator(read, ["bow"] * 6, SynthesisConfig(), glogen=SMALL, locgen=DENSE, onset=recipe)
+    assert made.cyclic == [False]
+    request = MotionRequest(("bow",), 1.0, 0, SeedClip("clip", actions[6], 30.0, BODY), temperature=0.0)
+    start = start_state(request.start, 0, 20)
+    assert 0 < start.state[-1] < 1.5
+    true = body_motion(actions[6], 30.0).rows[start.last : start.last + 10, :60]
+    ahead = made.onset.ahead(start.state, 0)
+    assert ahead is not None
+    held = np.linalg.norm(start.state[:60] - true, axis=1).mean()
+    assert np.linalg.norm(ahead[:10, :60] - true, axis=1).mean() < 0.4 * held
+    (one,) = made.generate([request])
+    led = body_motion(one.positions, 30.0).rows[:10, :60]
+    assert np.linalg.norm(led - true, axis=1).mean() < 0.8 * held
 
 
 def test_of_a_class_no_more_poses_are_kept_than_its_motions_have() -> None:

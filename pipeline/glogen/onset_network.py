@@ -75,13 +75,6 @@ class OnsetNetwork(nn.Module):
         return future
 
 
-def _zeros(entering: int, leaving: int) -> nn.Linear:
-    """A layer that gives nothing at first: a body stands still."""
-    layer = nn.Linear(entering, leaving)
-    nn.init.zeros_(layer.weight)
-    return layer
-
-
 def train_onset_network(
     examples: Sequence[Examples],
     recipe: OnsetRecipe,
