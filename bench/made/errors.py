@@ -118,7 +118,7 @@ def _by_baseline(unit: Unit, moments: Sequence[Moment]) -> Float64Array:
     if unit.method == ALIKE:
         recipe = onset_recipe(unit.epochs)
         steps = recipe.epochs_of(len(known.classes)) * recipe.epoch
-        learned, settings = as_the_onset(known), Settings(budget=replace(DEFAULTS.budget, steps=steps))
+        learned, settings = as_the_onset(known), Settings(budget=replace(DEFAULTS.budget, epochs=1, steps=steps))
     else:
         learned, settings = training_motions(known, whole), Settings(budget=LONG) if whole else settings
     trained = fitted(DENSE[method](settings_of(unit.epochs, settings)), learned, unit.fold)
