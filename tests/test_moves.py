@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from motionlake.arrays import Float32Array, Float64Array
 from motionlake.deephums.sequence import clip_sequence
 from motionlake.motion.moves import DISPLACEMENT_COUNT, FPS, JOINTS_COUNT, LEAST, MOST, WIDTH, Track, at_12
-from motionlake.motion.moves_index import MovesIndex, moves_distance, moves_distances
+from motionlake.motion.moves_index import MovesIndex, moves_distance, moves_distances, sampled
 from motionlake.motion.moves_windows import nearest_place, windows_distances
 from motionlake.motion.stacks import Stack, aligned
 
@@ -74,6 +74,12 @@ def test_clips_in_half_precision_are_stacked_alike(rows: list[list[float]], data
 def test_a_clip_without_frames_is_not_stacked() -> None:
     with pytest.raises(ValueError, match="without frames"):
         Stack.of_halves(np.zeros((3, 2), dtype=np.float16), np.array([0, 1]), np.array([1, 0]))
+
+
+@given(st.lists(clips, max_size=20), st.integers(1, 60))
+def test_frames_are_sampled_as_of_one_array(some: list[Float32Array], about: int) -> None:
+    whole = np.concatenate([*some, np.zeros((0, WIDTH), dtype=np.float32)])
+    np.testing.assert_array_equal(sampled(some, about), whole[:: max(1, len(whole) // about)])
 
 
 @given(clips, st.lists(clips, max_size=30), st.integers(0, 12))

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from motionlake.motion.moves import MOST, Track
 from motionlake.motion.moves_of_clips import instants_of_clips, moves_of_clips
 from motionlake.motion.sketches import instants
+from motionlake.stages import moves as stage
 
 
 def wandering(seed: int, frames: int) -> np.ndarray:
@@ -39,3 +40,17 @@ def test_a_clip_that_nothing_tells_the_facing_of() -> None:
     joints = np.zeros((6, 45), dtype=np.float32)
     moves, _ = moves_of_clips(joints, np.array([0, 6]))
     assert moves == pytest.approx(Track.of(joints).moves())
+
+
+@pytest.mark.parametrize("lengths", [(3,), (1200, 2, 3), (1, 2, 1200), (40, 1, 7, 30, 22)])
+def test_moves_of_many_clips_are_those_of_each(lengths: tuple[int, ...], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whichever thread works them out."""
+    joints = {f"c{seed}": wandering(seed, frames) for seed, frames in enumerate(lengths, 1)}
+    names = list(joints)[::-1]
+    alone = [Track.of(joints[name]).moves() for name in names]
+    monkeypatch.setattr(stage, "MANY", 0)
+    many = stage.Tracks(joints).moves(names)
+    assert [len(moves) for moves in many] == [len(moves) for moves in alone]
+    for one, other in zip(many, alone, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-5, atol=1e-5)
+    assert stage.Tracks(joints).moves([]) == []

@@ -1,4 +1,4 @@
-"""The k nearest descriptors: three ways to the answer of a naive scan."""
+"""The k nearest descriptors: ways to the answer of a naive scan."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from motionlake.arrays import Float32Array
-from motionlake.deephums.exact import ExactScan, Neighbours
+from motionlake.deephums.exact import FEW, ExactScan, Neighbours
 from motionlake.deephums.nearest import DescriptorScan, QuickIndex
+from motionlake.deephums.scans import QUERIES, SOME, PatientScan, scan_of
 
 Search = Callable[[Float32Array, Float32Array, int], Neighbours]
 
@@ -34,7 +35,17 @@ def by_blocks(rows: Float32Array, query: Float32Array, k: int) -> Neighbours:
     return QuickIndex.build(rows, cuts=(1, 3)).nearest(query, k)
 
 
-SEARCHES = pytest.mark.parametrize("search", [exactly, by_scan, by_quick_index, by_blocks])
+def patiently(rows: Float32Array, query: Float32Array, k: int) -> Neighbours:
+    scan = PatientScan(rows)
+    few = [scan.nearest(query, k) for _ in range(QUERIES // max(1, len(query)))]
+    many = scan.nearest(query, k)
+    for each in few:
+        np.testing.assert_array_equal(each.indices, many.indices)
+        np.testing.assert_array_equal(each.distances, many.distances)
+    return many
+
+
+SEARCHES = pytest.mark.parametrize("search", [exactly, by_scan, patiently, by_quick_index, by_blocks])
 
 
 def naive(rows: Float32Array, query: Float32Array, k: int) -> list[tuple[float, int]]:
@@ -164,3 +175,27 @@ def test_what_does_not_compare_is_refused(search: Search) -> None:
         search(rows, rows[:1], 0)
     with pytest.raises(ValueError, match="rows"):
         search(np.ones(6, np.float32), rows[:1], 1)
+
+
+def test_torch_is_imported_for_many_rows_or_queries_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[int] = []
+    built = DescriptorScan.__init__
+
+    def counted(self: DescriptorScan, rows: Float32Array) -> None:
+        asked.append(len(rows))
+        built(self, rows)
+
+    monkeypatch.setattr(DescriptorScan, "__init__", counted)
+    rows = np.zeros((FEW + 1, 2), dtype=np.float32)
+    assert isinstance(scan_of(rows[:FEW]), ExactScan)
+    scan = scan_of(rows)
+    for _ in range(QUERIES):
+        scan.nearest(rows[:1], 2)
+    assert asked == []
+    scan.nearest(rows[:1], 2)
+    scan.nearest(rows[:1], 2)
+    assert asked == [FEW + 1]
+    scan_of(rows).nearest(rows[: QUERIES + 1], 2)
+    assert asked == [FEW + 1] * 2
+    scan_of(np.zeros((SOME + 1, 2), dtype=np.float32)).nearest(rows[:1], 2)
+    assert asked == [FEW + 1, FEW + 1, SOME + 1]

@@ -173,6 +173,11 @@ def test_as_many_frames_are_predicted_as_most_clips_go_on_for(
     assert ahead is not None
     assert len(ahead) == frames
     assert np.abs(ahead - walks[6].rows[5 : 5 + frames])[:, :60].mean() < 0.02
+    examples = examples_of([walks[0].cut(0, length)], True, 100)
+    assert examples.lasting.max() == frames
+    futures = examples.futures.reshape(len(examples), len(KNOTS), ROOT)
+    assert not futures[np.array(KNOTS) > examples.lasting[:, None]].any()
+    assert futures[np.array(KNOTS) <= examples.lasting[:, None]].any(axis=1).all()
 
 
 def test_examples_are_bounded(walks: list[BodyMotion]) -> None:

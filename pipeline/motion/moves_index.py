@@ -39,6 +39,15 @@ def floored(distances: Float64Array) -> Float64Array:
     return np.where(distances > _ROUNDING, distances, 0.0)
 
 
+def sampled(clips: Sequence[Float32Array], about: int) -> Float32Array:
+    """[m, 135] every so many frames of clips one after another, so that there are about so many."""
+    counts = np.array([len(clip) for clip in clips], dtype=np.int64)
+    stride = max(1, int(counts.sum()) // about)
+    first = (counts - np.cumsum(counts)) % stride
+    none = np.zeros((0, WIDTH), dtype=np.float32)
+    return np.concatenate([none, *[clip[start::stride] for clip, start in zip(clips, first.tolist(), strict=True)]])
+
+
 class Nearest(NamedTuple):
     """Clips by the distance of their moves, nearest first, and these distances."""
 
@@ -55,8 +64,7 @@ class MovesIndex:
 
     def __init__(self, clips: Sequence[Float32Array]) -> None:
         self._clips = list(clips)
-        frames = np.concatenate([*self._clips, np.zeros((0, WIDTH), dtype=np.float32)])
-        frames = frames[:: max(1, len(frames) // _SAMPLE)].astype(np.float64)
+        frames = sampled(self._clips, _SAMPLE).astype(np.float64)
         _, directions = np.linalg.eigh(frames.T @ frames)
         self._directions = np.ascontiguousarray(directions[:, ::-1][:, :DIRECTIONS], dtype=np.float32)
         self._inside = [self._projected(clip) for clip in self._clips]

@@ -11,7 +11,7 @@ from motionlake.arrays import Float32Array, Float64Array, Int64Array
 from motionlake.deep_motifs.signatures import CorpusClip
 from motionlake.deephums.config import DIMENSION
 from motionlake.deephums.exact import nearest_of
-from motionlake.deephums.scans import scan_of
+from motionlake.deephums.scans import PatientScan, scan_of
 from motionlake.errors import UserError
 from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.corpus import read_descriptors, read_descriptors_near
@@ -25,7 +25,7 @@ from motionlake.stages.shortlist_files import MOST
 
 if TYPE_CHECKING:
     from motionlake.deephums.exact import ExactScan
-    from motionlake.deephums.nearest import DescriptorScan, QuickIndex
+    from motionlake.deephums.nearest import QuickIndex
     from motionlake.deephums.network import TrainedDescriptor
 
 FEW: Final = 3  # queries that the catalog of a large lake answers before all descriptors are read
@@ -140,7 +140,7 @@ class DescriptorSearcher(LakeSearcher):
         rows, distances = nearest_of(vectors, np.arange(len(clips)), vector, min(k, len(clips)))
         return [clip_hit(clips[row], distance) for row, distance in zip(rows.tolist(), distances.tolist(), strict=True)]
 
-    def _new_scan(self, kept: ClipFilter) -> tuple[Int64Array, ExactScan | DescriptorScan]:
+    def _new_scan(self, kept: ClipFilter) -> tuple[Int64Array, ExactScan | PatientScan]:
         """The rows of the clips that may be answers, and a scan of them."""
         admits = kept.admission(self.lake)
         rows = np.array([row for row, clip in enumerate(self.clips) if admits(clip)], dtype=np.int64)

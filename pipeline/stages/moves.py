@@ -22,8 +22,10 @@ from motionlake.stages.mapped_part import MappedStage, lists_of, read_rows, rows
 from motionlake.stages.part_clips import by_file, clips_of_shard
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.stage import Part, Shard, clips_of
+from motionlake.threads import in_threads
 
 MANY: Final = 20_000  # frames of clips from which their moves are worked out at once
+THREADS: Final = 2  # that share this
 STEP: Final = 2.0**-14  # body lengths; less than a tenth of a millimetre
 JOINTS: Final = "joints"  # a column: x, y and z of each
 
@@ -86,8 +88,15 @@ class Tracks(Mapping[str, Track]):
         lengths = [len(self._joints[clip]) for clip in clips]
         if sum(lengths) < MANY:
             return [self[clip].moves() for clip in clips]
-        starts = np.cumsum([0, *lengths])
-        moves, first = moves_of_clips(np.concatenate([self._joints[clip] for clip in clips]), starts)
+        edges = np.searchsorted(np.cumsum(lengths), np.linspace(0, sum(lengths), THREADS + 1)[1:-1]).tolist()
+        shares = [clips[start:stop] for start, stop in pairwise([0, *edges, len(clips)])]
+        return [moves for share in in_threads(self._of_many, shares, THREADS) for moves in share]
+
+    def _of_many(self, clips: Sequence[str]) -> list[Float32Array]:
+        if not clips:
+            return []
+        joints = [self._joints[clip] for clip in clips]
+        moves, first = moves_of_clips(np.concatenate(joints), np.cumsum([0, *map(len, joints)]))
         return [moves[start:stop] for start, stop in pairwise(first.tolist())]
 
 
