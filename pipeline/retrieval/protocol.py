@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal, Protocol, TypeAlias, TypeVar
@@ -185,7 +185,8 @@ class LakeSearcher(ABC):
         check_k(k)
         if not k:
             return [[] for _ in queries]
-        with open_once(self.lake), alone(queries):
+        # Sums of several threads round otherwise: a query has the same answers alone and among others.
+        with open_once(self.lake), limited(1):
             plain = self.nearest(queries, k, scope, mirrored=False)
             if not scope.mirrored:
                 return [scope.near(hits) for hits in plain]
@@ -204,12 +205,6 @@ class LakeSearcher(ABC):
     def matches(self, query: Query, hits: Sequence[Hit], *, mirrored: bool) -> dict[str, Match]:
         """What is alike of a query, or of its mirror image, and of answers, by clip; of none where it cannot tell."""
         return {}
-
-
-def alone(queries: Sequence[Query]) -> AbstractContextManager[object]:
-    """A block in which linear algebra for a single query has one thread: others would wait for work most of the time,
-    and be in the way of those that compare."""
-    return limited(1) if len(queries) == 1 else nullcontext()
 
 
 def check_k(k: int) -> None:

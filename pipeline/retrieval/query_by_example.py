@@ -19,7 +19,8 @@ from motionlake.retrieval.encode import query_motifs
 from motionlake.retrieval.hits import Hit, range_hit
 from motionlake.retrieval.lake_shortlist import shortlist_of
 from motionlake.retrieval.large_words import LakeWords
-from motionlake.retrieval.protocol import EVERYTHING, Finds, Query, Scope, alone, check_k, not_ready
+from motionlake.retrieval.protocol import EVERYTHING, Finds, Query, Scope, check_k, not_ready
+from motionlake.threads import limited
 
 
 class WordsSearcher:
@@ -57,7 +58,7 @@ class WordsSearcher:
     def search(self, queries: Sequence[Query], k: int, scope: Scope = EVERYTHING) -> list[list[Hit]]:
         """As `Searcher.search`."""
         check_k(k)
-        with open_once(self.lake), alone(queries):
+        with open_once(self.lake), limited(1):
             return [scope.near(self._ranges(query, k, scope)) for query in queries]
 
     def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
