@@ -8,6 +8,8 @@ import os
 import resource
 import shutil
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -239,6 +241,24 @@ def test_a_signal_waits_for_what_is_held_and_a_second_one_for_nothing() -> None:
                 time.sleep(0.3)
             os._exit(1)
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 143
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
+def test_a_command_whose_work_is_done_is_not_said_to_be_killed(number: int) -> None:
+    """A signal comes while it ends: what libraries registered to be done then takes a while."""
+    code = (
+        "import atexit, signal, sys, time\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "import motionlake.cli.main as cli\n"
+        "cli.main = sys.exit\n"
+        "atexit.register(lambda: (print('ends', flush=True), time.sleep(60)))\n"
+        "cli.program()"
+    )
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "ends\n"
+        process.send_signal(number)
+        assert process.wait(20) == 128 + number
 
 
 def test_a_signal_where_python_drops_exceptions_comes_again(capfd: pytest.CaptureFixture[str]) -> None:

@@ -23,7 +23,7 @@ from motionlake.cli._output import notice
 from motionlake.cli.common import SETTINGS, publish_copies
 from motionlake.errors import UserError, denied, explained
 from motionlake.names import printable
-from motionlake.stopping import obeying, signal_asked
+from motionlake.stopping import end_at_once, obeying, signal_asked
 from typer.core import TyperGroup
 
 # What each command does, by what people come for. The first line of its own help is the same (a test compares them).
@@ -312,6 +312,7 @@ def _fail(message: str, error: BaseException, status: int = 2) -> NoReturn:
 def program() -> None:
     """`main` as a process of its own, which ends at once: Python would first free one by one all that libraries made.
     Where a thread still runs, Python ends in its own way."""
+    end_at_once()
     try:
         main()
     except SystemExit as end:
