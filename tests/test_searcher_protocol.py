@@ -22,6 +22,7 @@ from motionlake.retrieval.protocol import Finds, LakeSearcher, Query, Scope
 from motionlake.retrieval.registry import SEARCHERS, methods, ready, searcher
 from motionlake.retrieval.weighing import WEIGHTS
 from motionlake.stages.mapped_part import MappedPart, write_mapped
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from tests.lakes import Changed, list_anew, motionlake, query, tables
 
@@ -441,3 +442,22 @@ def test_searching_changes_nothing(two_sets: Lake) -> None:
     for name in methods("clip"):
         assert motionlake("search", "--sample", 2, "--method", name, "--lake", two_sets.root).status == 0
     assert tables(two_sets.root) == before
+
+
+@pytest.mark.parametrize("count", [1, 3])
+@pytest.mark.parametrize(("finds", "name", "method"), [("clip", "signature", "nearest"), ("range", "words", "_ranges")])
+def test_linear_algebra_has_one_thread_however_many_ask(
+    two_sets: Lake, finds: Finds, name: str, method: str, count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Sums of several threads round otherwise than those of one, on some machines."""
+    found = searcher(finds, name, two_sets)
+    plain, seen = getattr(found, method), set[int]()
+
+    def watched(*given: Any, **more: Any) -> Any:
+        seen.update(pool["num_threads"] for pool in threadpool_info())
+        return plain(*given, **more)
+
+    monkeypatch.setattr(found, method, watched)
+    with threadpool_limits(2):
+        found.search(some_queries(two_sets, finds, count), K)
+    assert seen == {1}

@@ -79,20 +79,13 @@ SEEDS: Final = 5  # t: sparse poses that are given
 
 
 @dataclass(frozen=True)
-class Recipe:
-    """Sizes and training that both networks have.
+class Schedule:
+    """How any of the networks is trained.
 
     Attributes:
-        embedding, state: widths of the pose embedding and of the recurrent layers (both directions together).
-        noise: of the sparse poses that are given while training, body lengths.
-        smooth: weight of the error of differences from pose to pose.
-        epochs, steps: of training: so many epochs, more where these have fewer steps than `steps`.
+        epochs, steps: so many epochs, more where these have fewer steps than `steps`.
     """
 
-    embedding: int = 128
-    state: int = 256
-    noise: float = 0.02
-    smooth: float = 1.0
     dropout: float = 0.2
     optimiser: Literal["adam", "sgd"] = "adam"
     learning_rate: float = 2e-3
@@ -100,6 +93,22 @@ class Recipe:
     batch: int = 64
     epochs: int = 40
     steps: int = 250
+
+
+@dataclass(frozen=True)
+class Recipe(Schedule):
+    """Sizes and training that GloGen and LocGen have.
+
+    Attributes:
+        embedding, state: widths of the pose embedding and of the recurrent layers (both directions together).
+        noise: of the sparse poses that are given while training, body lengths.
+        smooth: weight of the error of differences from pose to pose.
+    """
+
+    embedding: int = 128
+    state: int = 256
+    noise: float = 0.02
+    smooth: float = 1.0
 
     def batches(self, count: int) -> int:
         """How many batches `count` motions make."""
@@ -169,7 +178,7 @@ class LocGenRecipe(Recipe):
 
 
 @dataclass(frozen=True)
-class OnsetRecipe:
+class OnsetRecipe(Schedule):
     """Size and training of the network of the onset.
 
     Attributes:
@@ -182,14 +191,10 @@ class OnsetRecipe:
     width: int = 256
     blocks: int = 2
     dropout: float = 0.1
-    optimiser: Literal["adam", "sgd"] = "adam"
-    learning_rate: float = 2e-3
-    weight_decay: float = 0.01
-    batch: int = 64
+    epochs: int = 0
     steps: int = 2000
     more: int = 500
     epoch: int = 50
-    epochs: int = 0
 
     def epochs_of(self, classes: int) -> int:
         """How many epochs are trained for so many classes with examples."""

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 import torch
-from motionlake.arrays import BoolArray, Float64Array, Progress
+from motionlake.arrays import Float64Array, Progress
 from motionlake.glogen.config import OnsetRecipe
 from motionlake.glogen.onset_examples import (
     FEATURES,
@@ -26,12 +26,12 @@ from motionlake.glogen.onset_examples import (
     Examples,
     examples_of,
     joined,
-    nearest,
     one_sided,
 )
 from motionlake.glogen.onset_network import PACES, OnsetNetwork, train_onset_network
 from motionlake.glogen.sparse import HEIGHT
 from motionlake.glogen.trajectories import BodyMotion
+from motionlake.motion.sides import nearest_of_another
 from motionlake.training import on_threads
 from scipy.interpolate import PchipInterpolator
 from scipy.spatial.distance import cdist, pdist
@@ -82,6 +82,7 @@ class Onset(nn.Module):
         self.register_buffer("reaches", torch.zeros(classes))
         self.register_buffer("frames", torch.zeros(classes, dtype=torch.int64))
         self.network = network
+        self._known: dict[int, _Known] = {}
 
     def ahead(self, state: Float64Array, target: int, pace: float = 1.0) -> Float64Array | None:
         """[20 to 45, 64] rows of the frames after a state [245], pose and root; None where no recorded body moved so.
@@ -89,31 +90,44 @@ class Onset(nn.Module):
         As many frames as these take at another pace.
         """
         frames = int(self.frames[target])
-        if not frames or not self._is_known(state, target):
+        if not frames:
             return None
-        future = (self.by_kernel(state, target) + self.by_network(state, target)) / 2
+        apart, products = self._compared(state, target)
+        if apart.min() > FURTHEST * float(self.reaches[target]):
+            return None
+        future = (self._regressed(apart, products, target) + self.by_network(state, target)) / 2
         return played(state, future, frames, pace)
 
     def by_kernel(self, state: Float64Array, target: int) -> Float64Array:
         """[14, 64] rows at `KNOTS` less that of the state, by kernel regression."""
-        own, known = self._own(target)
-        weights = _kernel(state[None] / SCALES, known, float(self.widths[target]))[0]
-        future: Float64Array = (
-            weights @ self.coefficients.numpy()[own].astype(float) + self.means[target].double().numpy()
-        )
-        return future.reshape(len(KNOTS), ROOT)
+        return self._regressed(*self._compared(state, target), target)
 
     def by_network(self, state: Float64Array, target: int) -> Float64Array:
         """The same by the network."""
         return self.network.follow(state / SCALES, target)
 
-    def _is_known(self, state: Float64Array, target: int) -> bool:
-        near = cdist(state[None] / SCALES, self._own(target)[1]).min()
-        return bool(near <= FURTHEST * float(self.reaches[target]))
+    def _compared(self, state: Float64Array, target: int) -> tuple[Float64Array, Float64Array]:
+        """[n] distances of a state from the examples of a class, and its products with them."""
+        known, asked = self._examples(target).states, state / SCALES
+        return cdist(asked[None], known)[0], known @ asked
 
-    def _own(self, target: int) -> tuple[BoolArray, Float64Array]:
-        own = (self.classes == target).numpy()
-        return own, self.states.numpy()[own].astype(float)
+    def _regressed(self, apart: Float64Array, products: Float64Array, target: int) -> Float64Array:
+        weights = _kernel(apart, products, float(self.widths[target]))
+        future: Float64Array = weights @ self._examples(target).coefficients + self.means[target].double().numpy()
+        return future.reshape(len(KNOTS), ROOT)
+
+    def _examples(self, target: int) -> _Known:
+        if target not in self._known:
+            own = self.classes == target
+            self._known[target] = _Known(self.states[own].double().numpy(), self.coefficients[own].double().numpy())
+        return self._known[target]
+
+
+class _Known(NamedTuple):
+    """States [n, 245] and coefficients [n, 896] of a class in double precision, since single sums differ by machine."""
+
+    states: Float64Array
+    coefficients: Float64Array
 
 
 def played(state: Float64Array, future: Float64Array, frames: int, pace: float = 1.0) -> Float64Array:
@@ -176,7 +190,9 @@ def fit_onset(
             rows = slice(filled, filled := filled + len(each))
             onset.classes[rows], onset.states[rows] = target, torch.from_numpy(each.states)
             width = max(float(np.median(pdist(each.states))), 1e-6)
-            coefficients, mean, frames = _fitted(each, _kernel(each.states, each.states, width))
+            coefficients, mean, frames = _fitted(
+                each, _kernel(cdist(each.states, each.states), each.states @ each.states.T, width)
+            )
             onset.coefficients[rows], onset.means[target] = torch.from_numpy(coefficients), torch.from_numpy(mean)
             onset.widths[target], onset.frames[target] = width, frames
             onset.reaches[target] = _reach(each, width)
@@ -206,14 +222,14 @@ def _fitted(examples: Examples, kernel: Float64Array) -> tuple[Float64Array, Flo
 
 def _reach(examples: Examples, width: float) -> float:
     """How far examples are from the nearest one of another clip; of a single clip, the width of its kernel."""
-    near = nearest(examples, examples)
+    near = nearest_of_another(examples.states, examples.clips, examples.states, examples.clips)
     return float(np.quantile(near, KNOWN)) if np.isfinite(near).all() else width
 
 
-def _kernel(some: Float64Array, others: Float64Array, width: float) -> Float64Array:
-    """[n, m] Matern's kernel (3/2) and a share of the linear one."""
-    apart = np.sqrt(3) * cdist(some, others) / width
-    kernel: Float64Array = (1 + apart) * np.exp(-apart) + LINEAR * (some @ others.T) / width**2
+def _kernel(apart: Float64Array, products: Float64Array, width: float) -> Float64Array:
+    """Matern's kernel (3/2) of distances, and a share of the linear one of products."""
+    far = np.sqrt(3) * apart / width
+    kernel: Float64Array = (1 + far) * np.exp(-far) + LINEAR * products / width**2
     return kernel
 
 

@@ -11,7 +11,7 @@ from motionlake.arrays import BoolArray, Float64Array, Int64Array
 from motionlake.glogen.sparse import HEIGHT
 from motionlake.glogen.trajectories import FPS, BodyMotion, mirrored
 from motionlake.motion.resampling import interpolated
-from scipy.spatial.distance import cdist
+from motionlake.motion.sides import unlike_mirrored
 
 KNOTS: Final = (1, 2, 3, 4, 6, 8, 10, 13, 16, 20, 25, 30, 37, 45)  # frames that are predicted; smooth curves in between
 LEVELS: Final = (20, 30, 45)  # frames that a clip goes on for after an example, at least
@@ -27,8 +27,7 @@ FUTURE: Final = len(KNOTS) * ROOT
 SCALES: Final = np.concatenate(
     [np.full(HEIGHT, 0.2), [0.1], [0.6, 0.6], [2.0], np.full(len(RECENT) * HEIGHT, 0.6), [0.2]]
 )
-ONE_SIDED: Final = 2.0  # times as far from other clips that mirrored states of a class are which is done with one side
-COMPARED: Final = 1000  # states of a class, for that
+COMPARED: Final = 1000  # states of a class by which it is told whether it is done with one side
 
 
 def state_at(motion: BodyMotion, places: Float64Array, cyclic: bool = True) -> Float64Array:
@@ -126,15 +125,7 @@ def played_at(motion: BodyMotion, pace: float) -> BodyMotion:
     return BodyMotion.of_rows(rows, np.zeros((len(rows), 2)))
 
 
-def nearest(asked: Examples, among: Examples) -> Float64Array:
-    """[n] distances of states from the nearest of another clip; infinite where there is none."""
-    apart = np.where(asked.clips[:, None] == among.clips, np.inf, cdist(asked.states, among.states))
-    return np.asarray(apart.min(axis=1, initial=np.inf), dtype=np.float64)
-
-
 def one_sided(motions: Sequence[BodyMotion], cyclic: bool) -> bool:
-    """Whether clips of a class are done with one side: mirrored, their states are far from those of other clips."""
+    """Whether clips of a class are done with one side (`unlike_mirrored`, by states)."""
     own, mirror = (examples_of(each, cyclic, COMPARED) for each in (motions, [mirrored(one) for one in motions]))
-    near, far = nearest(own, own), nearest(mirror, own)
-    seen = np.isfinite(near)
-    return bool(seen.any() and np.median(far[seen]) > ONE_SIDED * np.median(near[seen]))
+    return unlike_mirrored(own.states, mirror.states, own.clips, own.states, own.clips)

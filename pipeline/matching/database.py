@@ -21,18 +21,16 @@ from motionlake.matching.recordings import (
 )
 from motionlake.motion.ground import ground_of, levelled
 from motionlake.motion.rotations import turn_on_ground
-from motionlake.motion.sides import names_a_side
+from motionlake.motion.sides import names_a_side, unlike_mirrored
 from motionlake.motion.skeleton import JOINTS, body_length
 from motionlake.weights import read_tensors, save_tensors
-from scipy.spatial.distance import cdist
 
 METADATA_KEY: Final = "matching_database"
 VERSION: Final = 2  # 2: floors are level, and it is known how long a body is in the air
 MOST_FRAMES: Final = 200_000  # at 30 a second; of more, pieces are drawn
 APART: Final = 3  # frames: poses so near in time are joined and nobody sees it
 LEAST_SPEED: Final = 0.3  # body lengths a second: a class whose frames mostly go faster gets about
-HANDED: Final = 2.0  # times as far as others that mirrored poses of a class are which is done with one side
-ASKED, AMONG = 300, 3000  # frames that this is asked of, and looked for among
+ASKED, AMONG = 300, 3000  # frames that are mirrored, and compared with, to tell whether a class is done with one side
 ACTION: Final = 150  # frames that half of the recordings of an action have at most
 RESTING: Final = 5  # last frames of a recording, in which its mean squared speed is less than this share of the class's
 RESTS: Final = 0.2
@@ -111,23 +109,13 @@ class MotionDatabase:
     def is_handed(self, target: int) -> bool:
         """Whether a class is done with one side: its name says which, or, mirrored, its poses are further from other
         recordings of it.
-
-        Medians of nearest distances: of eight classes of utd_mhad and five of CMU those of one side have 3.7 times and
-        more (throw, tennis_swing, knock, swipe_left), the others up to 1.5.
         """
         if names_a_side(self.classes[target]):
             return True
         own, rng = self.frames[target], np.random.default_rng(0)
         asked, among = rng.permutation(own)[:ASKED], rng.permutation(own)[:AMONG]
-        others = self.piece_of[asked][:, None] != self.piece_of[among]
-        if not others.any(axis=1).all():
-            return False
-        poses = self.compared[:, :POSE] * self.scales[:POSE]
-        near, mirrored = (
-            np.median(np.where(others, cdist(poses[rows], poses[among]), np.inf).min(axis=1))
-            for rows in (asked, asked + len(self))
-        )
-        return bool(mirrored > HANDED * near)
+        poses, pieces = self.compared[:, :POSE] * self.scales[:POSE], self.piece_of
+        return unlike_mirrored(poses[asked], poses[asked + len(self)], pieces[asked], poses[among], pieces[among])
 
     def is_action(self, target: int) -> bool:
         """Whether the recordings of a class are short and come to rest, so that it is done and not gone on with."""

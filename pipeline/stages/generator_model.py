@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from motionlake.matching.recordings import MatchingClip
 
 M = TypeVar("M")
-SHARED: Final = 2  # minutes of training that classes share, beside about a minute for each
+SHARED: Final = 3  # minutes of training that classes share, beside about a minute for each
 # Of more frames than these, motions are drawn at random: a GiB of positions.
 MOST_FRAMES = 2_000_000
 
