@@ -17,6 +17,7 @@ from threading import Event, Thread
 
 import dask
 from distributed import Client, LocalCluster
+from distributed.client import AllExit
 from distributed.gc import disable_gc_diagnosis
 from motionlake.errors import UserError
 from motionlake.lake.layout import Lake
@@ -44,6 +45,7 @@ def cluster(lake: Lake, workers: int, scheduler: str | None = None) -> Iterator[
     """
     for name in ("distributed", "distributed.client"):  # Dask gives both a level of their own
         logging.getLogger(name).setLevel(logging.CRITICAL)
+    logging.getLogger("asyncio").addFilter(_is_told)
     settings = {
         "distributed.worker.multiprocessing-method": _METHOD,
         "distributed.nanny.pre-spawn-environ": _ONE_THREAD,
@@ -68,6 +70,11 @@ def cluster(lake: Lake, workers: int, scheduler: str | None = None) -> Iterator[
         with client:
             _check_workers(client, scheduler, lake)
             yield client
+
+
+def _is_told(record: logging.LogRecord) -> bool:
+    """Whether a log shows it: not how Dask leaves off waiting for shards, which a stopped command may make an error."""
+    return not (record.exc_info and record.exc_info[0] is AllExit)
 
 
 def _address(scheduler: str) -> str:

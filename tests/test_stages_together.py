@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import gc
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -11,7 +13,9 @@ from typing import Any, cast
 
 import pytest
 from distributed import Client, wait
+from distributed.client import AllExit
 from motionlake.errors import UserError
+from motionlake.jobs.cluster import cluster
 from motionlake.jobs.run import ingest, run
 from motionlake.jobs.session import Session, session
 from motionlake.jobs.shards import OnCluster, bundled, with_inputs
@@ -176,3 +180,23 @@ def test_who_stops_leaves_no_shard_running_on_the_cluster_of_another(tmp_path: P
         assert sorted(file.name for file in tmp_path.iterdir()) == ["s0-began", "s0-ended"]
         time.sleep(1.0)
     assert len(list(tmp_path.iterdir())) == 2, "the second one ran"
+
+
+def test_how_dask_leaves_off_waiting_is_not_shown(lake: Path, scheduler: str, caplog: pytest.LogCaptureFixture) -> None:
+    """A command that was stopped may make that an error which nobody asks for; others are shown as before."""
+    with cluster(open_lake(lake), 1, scheduler):
+        pass
+
+    async def left(error: type[BaseException]) -> None:
+        async def wait() -> None:
+            raise error
+
+        task = asyncio.get_running_loop().create_task(wait())
+        await asyncio.sleep(0)
+        del task
+        gc.collect()
+
+    for error, shown in ((AllExit, 0), (ValueError, 1)):
+        caplog.clear()
+        asyncio.run(left(error))
+        assert [record.name for record in caplog.records] == ["asyncio"] * shown
