@@ -103,7 +103,7 @@ moves: setup ## Stage: joints at 12 frames a second, by whose moves clips are al
 descriptors: setup ## Stage: train the descriptor network if there is none, one vector a clip
 submotions: setup ## Stage: train the sub-motion encoder if there is none, vectors of the windows of clips
 graph: setup ## Stage: the clips nearest to each clip, along which search goes
-shortlist: setup ## Stage: short vectors by which the search of a large lake chooses the clips that it compares
+shortlist: setup ## Stage: short vectors by which a search chooses the clips that it compares
 windows: setup ## Stage: codes of the windows of clips, by which pieces are looked for in a large lake
 neighbours: setup ## Stage of its own: the nearest words of every word in other clips
 	$(BIN)/motionlake run neighbours --lake "$(LAKE)"

@@ -34,6 +34,7 @@ from motionlake.retrieval.matched import matched_moves
 from motionlake.retrieval.moves import MovesSearcher
 from motionlake.retrieval.protocol import LakeSearcher, Query, Scope
 from motionlake.retrieval.registry import searcher
+from motionlake.retrieval.shortlist import Most
 from motionlake.retrieval.shortlist_methods import METHODS, UNIT, ByMoves
 from motionlake.stages import shortlist_moves
 from motionlake.stages.moves import read_tracks
@@ -47,7 +48,8 @@ from motionlake.threads import limited
 from tests.lakes import Changed, files, motionlake, query, quick_lake
 from tests.test_newer_models import newer
 
-MODULES = ("stages.graph", "stages.shortlist", "retrieval.fused", "retrieval.lake_shortlist", "retrieval.descriptor")
+MODULES = ("stages.graph", "stages.shortlist", "retrieval.fused", "retrieval.lake_shortlist")
+CHOOSING = ("stages.shortlist", "retrieval.lake_shortlist", "retrieval.descriptor")
 
 
 @pytest.fixture(scope="module")
@@ -66,9 +68,18 @@ def large(tmp_path_factory: pytest.TempPathFactory, built_lake: Path, scheduler:
 @contextmanager
 def few() -> Iterator[None]:
     """Within the block a lake of more than three clips is a large one."""
-    with pytest.MonkeyPatch.context() as patched:
+    with middling(), pytest.MonkeyPatch.context() as patched:
         for module in MODULES:
             patched.setattr(f"motionlake.{module}.MOST", 3)
+        yield
+
+
+@contextmanager
+def middling() -> Iterator[None]:
+    """Within the block clips are chosen in a lake of more than three; it has a neighbour graph."""
+    with pytest.MonkeyPatch.context() as patched:
+        for module in CHOOSING:
+            patched.setattr(f"motionlake.{module}.WHOLE", 3)
         yield
 
 
@@ -130,9 +141,8 @@ def test_answers_are_those_of_comparing_every_clip(large: Path, clips_folder: Pa
 
 
 def test_few_chosen_clips_hold_the_nearest(large: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("motionlake.retrieval.shortlist.CHOSEN", 12)
+    monkeypatch.setattr("motionlake.retrieval.shortlist.LARGE", Most(12, 6))
     monkeypatch.setattr("motionlake.retrieval.shortlist_methods.UNIT", 12)
-    monkeypatch.setattr("motionlake.retrieval.shortlist.IN_FULL", 6)
     monkeypatch.setattr("motionlake.retrieval.fused.REACH", 5)
     found = []
     for clip in some(large, 99):
@@ -163,9 +173,8 @@ def test_nearest_reach_as_far_as_of_all_clips(large: Path, monkeypatch: pytest.M
     """By signatures as many of the chosen clips count as are among the k nearest of all by vectors; by moves about how
     far the clip at that place is, as much farther as others are in full."""
     k = 6
-    monkeypatch.setattr("motionlake.retrieval.shortlist.CHOSEN", 12)
+    monkeypatch.setattr("motionlake.retrieval.shortlist.LARGE", Most(12, 5))
     monkeypatch.setattr("motionlake.retrieval.shortlist_methods.UNIT", 12)
-    monkeypatch.setattr("motionlake.retrieval.shortlist.IN_FULL", 5)
     with few():
         search = FusedSearcher(open_lake(large), graph=False)
         assert search._cascade is not None
@@ -194,6 +203,86 @@ def test_nearest_reach_as_far_as_of_all_clips(large: Path, monkeypatch: pytest.M
             ratios = [compared[clip] / max(about[clip], 1e-6) for clip in ranking.clips]
             assert ranking.reach == pytest.approx(np.median(ratios) * np.sort(rough)[k], rel=1e-4)
     assert signatures, "some of the nearest were not chosen, or nothing was looked at"
+
+
+@pytest.fixture(scope="module")
+def middle(tmp_path_factory: pytest.TempPathFactory, built_lake: Path, scheduler: str) -> Path:
+    """A lake whose shortlist stands beside its neighbour graph."""
+    root = Path(shutil.copytree(built_lake, tmp_path_factory.mktemp("middle") / "lake"))
+    with middling():
+        run = motionlake("run", "shortlist", "--lake", root, "--scheduler", scheduler)
+    assert run.status == 0, run.err
+    return root
+
+
+def test_a_lake_of_middle_size_goes_along_its_graph(middle: Path, clips_folder: Path) -> None:
+    """By every method, with the graph: as in a lake whose clips are all compared; of one this small all are chosen."""
+    lake = open_lake(middle)
+    (clip, _, _), (other, frames, _) = longest(middle, 2)
+    either = as_near_mirrored(middle, Query(clip))
+    for scope in (Scope(), Scope(mirrored=True), Scope(own=True)):
+        for asked in (Query(clip), Query(other, 0, int(0.8 * frames)), Query(clips_folder / other.partition("/")[2])):
+            with middling():
+                search = FusedSearcher(lake, explain=True)
+                assert search._cascade is not None
+                (ours,) = search.search([asked], 6, scope)
+            (exact,) = FusedSearcher(lake, explain=True).search([asked], 6, scope)
+            assert_alike(ours, exact, either)
+            shown = [{share.method: share.along for share in hit.shares or ()} for hit in (ours[-1], exact[-1])]
+            assert shown[0] == pytest.approx(shown[1], abs=2e-3)
+            assert {"signature", "alignment", "moves", "descriptor", "together"} == set(shown[0])
+            assert any(share.along for hit in ours for share in hit.shares or ())
+    (exact,) = FusedSearcher(lake, graph=False).search([Query(clip)], 6, Scope())
+    with middling():
+        (ours,) = FusedSearcher(lake, graph=False).search([Query(clip)], 6, Scope())
+        every = FusedSearcher(lake, graph=False, exact=True)
+        assert every._cascade is None
+        assert every.search([Query(clip)], 6, Scope()) == [exact]
+    assert_alike(ours, exact)
+
+
+def test_of_a_lake_of_middle_size_some_clips_are_chosen(middle: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("motionlake.retrieval.shortlist.MIDDLE", Most(12, 6))
+    monkeypatch.setattr("motionlake.retrieval.shortlist_methods.UNIT", 12)
+    monkeypatch.setattr("motionlake.retrieval.fused.REACH", 8)
+    found = []
+    for clip in some(middle, 20):
+        (exact,) = FusedSearcher(open_lake(middle)).search([Query(clip)], 3)
+        with middling():
+            (ours,) = FusedSearcher(open_lake(middle)).search([Query(clip)], 3)
+        found.append(len({hit.clip for hit in ours} & {hit.clip for hit in exact}) / 3)
+    assert np.mean(found) > 0.8
+
+
+def test_pieces_of_a_lake_of_middle_size_are_looked_for_in_all_clips(middle: Path) -> None:
+    """Its shortlist holds nothing of windows, postures and joints, and `find` does not ask it."""
+    with middling():
+        held = shortlist_of(open_lake(middle))
+        assert held
+        assert not any("windows" in file or file.endswith((".codes", ".joints")) for file in held)
+        assert shortlist_of(open_lake(middle), "range") == []
+        kinds = {name: type(searcher("range", name, open_lake(middle))).__name__ for name in ("alignment", "moves")}
+    assert kinds == {"alignment": "AlignmentRangeSearcher", "moves": "MovesRangeSearcher"}
+
+
+def test_a_lake_grows_from_middle_size_to_large(middle: Path, tmp_path: Path, scheduler: str) -> None:
+    """Its shortlist is made with all that a large one holds, and back."""
+    root = Path(shutil.copytree(middle, tmp_path / "lake"))
+    before = shortlist_of_all(root)
+    for size in (few, middling):
+        with size():
+            run = motionlake("run", "shortlist", "--lake", root, "--scheduler", scheduler)
+            assert run.status == 0, run.err
+            found = shortlist_of(open_lake(root))
+            assert any("windows" in file for file in found) == (size is few)
+            (hits,) = FusedSearcher(open_lake(root), graph=False).search([Query(some(root, 1)[0])], 5)
+            assert len(hits) == 5
+    assert shortlist_of_all(root) == before
+
+
+def shortlist_of_all(root: Path) -> dict[str, bytes]:
+    with middling():
+        return {Path(file).name: (root / file).read_bytes() for file in shortlist_of(open_lake(root))}
 
 
 def test_what_lies_beyond_the_reach_is_as_near_as_the_last(large: Path) -> None:
@@ -383,7 +472,8 @@ def test_every_clip_is_compared_where_that_is_asked_for(large: Path) -> None:
         assert run.status == 0
         assert motionlake("find", clip, *asked).status == 0
         for command, method, told in (
-            ("search", "fused", "signature, alignment, moves"), ("find", "words", "alignment, submotion, moves"),
+            ("search", "fused", "too large"), ("search", "descriptor", "fused, signature, alignment, moves"),
+            ("find", "words", "alignment, submotion, moves"),
         ):  # fmt: skip
             run = motionlake(command, clip, "--method", method, "--exact", "--lake", large)
             assert (run.status, told in run.err, len(run.err.splitlines())) == (2, True, 1)

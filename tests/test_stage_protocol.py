@@ -64,8 +64,8 @@ def test_a_stage_keeps_to_the_protocol(lake: Path, name: str, monkeypatch: pytes
         for table in stage.tables if name != "frames" else ():
             if table != "motifs":  # new motifs would make all that follows them due
                 con.execute(f"DELETE FROM {table}")
-    for large in ("shortlist", "windows"):  # stages of large lakes alone
-        monkeypatch.setattr(f"motionlake.stages.{large}.MOST", 3)
+    for most in ("shortlist.WHOLE", "windows.MOST"):  # stages of larger lakes alone
+        monkeypatch.setattr(f"motionlake.stages.{most}", 3)
     shards = plan(lake, name)
     assert shards
     result = stage.run(target.root, shards[0])

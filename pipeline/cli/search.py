@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
 ExactOption = Annotated[
     bool,
-    typer.Option("--exact", help="Compare every clip of a large lake, where the method would choose some (minutes)."),
+    typer.Option("--exact", help="Compare every clip, where the method would choose some (of a large lake, minutes)."),
 ]
 
 
@@ -160,10 +160,10 @@ def search(
 
 def _check_exact(finds: Finds, method: str, *, exact: bool) -> None:
     """Raises `UserError` where a method compares every clip in any case, or none alone."""
-    from motionlake.retrieval.registry import CHOSEN
+    from motionlake.retrieval.registry import EXACT
 
-    if exact and method not in CHOSEN[finds]:
-        raise UserError(f"--exact: is for --method {', '.join(CHOSEN[finds])}")
+    if exact and method not in EXACT[finds]:
+        raise UserError(f"--exact: is for --method {', '.join(EXACT[finds])}")
 
 
 def _scope(

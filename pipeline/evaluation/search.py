@@ -126,8 +126,9 @@ def _searchers(lake: Lake) -> dict[str, Searcher]:
     names = ready(lake, "clip")
     if DEFAULT not in names:
         return {name: searcher("clip", name, lake) for name in names}
-    alone = {name: searcher("clip", name, lake) for name in names if name != DEFAULT}
-    if shortlist_of(lake):  # it has no graph
+    large = bool(shortlist_of(lake, "range"))  # too large to compare all clips, and without a graph
+    alone = {name: searcher("clip", name, lake, exact=not large) for name in names if name != DEFAULT}
+    if large:
         default = FusedSearcher(lake)
         return {DEFAULT: default, WITHOUT_GRAPH: default, **alone}
     once = {name: _Once(cast(LakeSearcher, found)) for name, found in alone.items()}

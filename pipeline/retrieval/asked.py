@@ -32,11 +32,13 @@ class Asked(Generic[Clip]):
         by: the nearest clips by each method that could compare it, itself among them.
         clip: which the query is, or is a part of; None for a file.
         hits: makes answers of some clips, given their distances: of the few that are shown.
+        names: of some clips.
     """
 
     by: Mapping[str, Ranking[Clip]]
     clip: Clip | None
     hits: Callable[[Sequence[Clip], Sequence[float]], list[Hit]]
+    names: Callable[[Sequence[Clip]], list[str]]
 
     @property
     def known(self) -> dict[Clip, None]:
@@ -53,4 +55,4 @@ def asked_of_hits(found: Mapping[str, Sequence[Hit]], clip: str | None) -> Asked
     def made(clips: Sequence[str], distances: Sequence[float]) -> list[Hit]:
         return [first[clip].but(distance=distance) for clip, distance in zip(clips, distances, strict=True)]
 
-    return Asked(by, clip, made)
+    return Asked(by, clip, made, list)

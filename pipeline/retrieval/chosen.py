@@ -1,4 +1,4 @@
-"""Whole clips of a large lake by one method: it compares those that vectors in the shortlist choose."""
+"""Whole clips of a lake by one method: it compares those that vectors in the shortlist choose."""
 
 from __future__ import annotations
 

@@ -21,22 +21,22 @@ from motionlake.retrieval.encode import query_motion
 from motionlake.retrieval.hits import Hit, clip_hit
 from motionlake.retrieval.protocol import ClipFilter, LakeSearcher, Query, Scope, about, not_ready
 from motionlake.stages.descriptors import DESCRIPTORS
-from motionlake.stages.shortlist_files import MOST
+from motionlake.stages.shortlist_files import WHOLE
 
 if TYPE_CHECKING:
     from motionlake.deephums.exact import ExactScan
     from motionlake.deephums.nearest import QuickIndex
     from motionlake.deephums.network import TrainedDescriptor
 
-FEW: Final = 3  # queries that the catalog of a large lake answers before all descriptors are read
+FEW: Final = 3  # queries that the catalog answers before all descriptors are read
 SPARE: Final = 32  # clips that it finds beyond those that are asked for
 
 
 class DescriptorSearcher(LakeSearcher):
     """Search by descriptor; a `Searcher`. The descriptors of the lake are read once.
 
-    In a large lake the catalog itself answers the first few queries, in less time than to read them takes; the answers
-    are the same.
+    In a lake of more than `WHOLE` clips the catalog itself answers the first few queries, in less time than to read
+    them takes; the answers are the same.
 
     Args:
         lake: which holds the network for files.
@@ -58,7 +58,7 @@ class DescriptorSearcher(LakeSearcher):
                 raise UserError(f"{lake.root}: has no descriptors yet; make them with `motionlake run all`")
             (count,) = fetch(con, "count_clips")
         self._file, self._quick = network.file, quick
-        self._by_catalog = FEW if count["clips"] > MOST else 0  # queries that it may still answer
+        self._by_catalog = FEW if count["clips"] > WHOLE else 0  # queries that it may still answer
         if not self._by_catalog:
             self._all  # noqa: B018 - read now, as a searcher is
         self._scan, self._index = cache(self._new_scan), cache(self._new_index)

@@ -42,7 +42,7 @@ class FusedSearcher(LakeSearcher):
     methods. Where the lake has a neighbour graph, a clip is near that is near to what is near (`diffused`); a is the
     mean of that by the methods, and b how near it is along the graph of a (`near_again`). The distance of a clip is one
     less n, or less (a + b + .3 n) / 2.3. A clip that a method does not name is to it as far as the last that it does; a
-    method that cannot compare the query is left out.
+    method that cannot compare the query is left out. In a lake with a shortlist methods compare some clips (`Cascade`).
 
     Attributes:
         left_out: by the name of a query of the last search, why methods could not compare it.
@@ -53,9 +53,10 @@ class FusedSearcher(LakeSearcher):
         graph: go along the neighbour graph.
         explain: give every answer its `shares`.
         matched: and in these what of both is alike, which takes as long as the search.
+        exact: compare every clip, where a shortlist would choose some.
 
     Raises:
-        UserError: the lake is not ready for any method.
+        UserError: the lake is not ready for any method, or too large to compare every clip.
     """
 
     name = "fused"
@@ -69,20 +70,21 @@ class FusedSearcher(LakeSearcher):
         graph: bool = True,
         explain: bool = False,
         matched: bool = True,
+        exact: bool = False,
     ) -> None:
         super().__init__(lake)
-        self._cascade = _cascade(lake) if searchers is None else None
+        self._cascade = _cascade(lake, exact=exact) if searchers is None else None
         if searchers is not None:
             order = [*WEIGHTS, *searchers]  # of summation: the same answers whichever way they are given
             self._searchers = {name: searchers[name] for name in dict.fromkeys(order) if name in searchers}
         if self._cascade is None and not self._searchers:
             raise UserError(f"{lake.root}: is not ready for search; make it so with `motionlake run all`")
-        self._along = graph and self._cascade is None  # a large lake has none
+        self._along = graph and (self._cascade is None or not self._cascade.large)  # a large lake has none
         self._explain, self._match = explain, explain and matched
         self.left_out: dict[str, list[str]] = {}
 
     def warm_up(self) -> None:
-        """Read and check all that searches of a large lake may need: for a process that answers many.
+        """Read and check all that searches by a shortlist may need: for a process that answers many.
 
         Raises:
             DamagedError: a file of the shortlist is not as it was written.
@@ -93,7 +95,8 @@ class FusedSearcher(LakeSearcher):
 
     def beside_others(self, query: Query, scope: Scope) -> bool:
         """Whether this search may run in several threads at once: it computes nothing that others would wait for."""
-        return self._cascade is not None and query.clip is not None and query.whole and not scope.mirrored
+        by_row = query.clip is not None and query.whole and not scope.mirrored
+        return self._cascade is not None and self._cascade.large and by_row
 
     def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
         """As `Searcher.distances`, without the graph; u is the distance of the tenth nearest of the gallery."""
@@ -117,12 +120,12 @@ class FusedSearcher(LakeSearcher):
         self, ask: Callable[[int], Asked[Clip]], query: Query, k: int, every: int, scope: Scope, mirrored: bool
     ) -> list[Hit]:
         """The k nearest; `ask` names so many by each method, and `every` of them are all there are."""
-        reach = REACH if self._cascade is None else REACH_OF_CHOSEN
+        reach = REACH if self._cascade is None or not self._cascade.large else REACH_OF_CHOSEN
         asked = ask(reach + 1)
         own = asked.clip if query.whole and not mirrored else None
         refused = None if scope.own else asked.clip
         same = same_clips(asked.by)
-        views = {name: self._view(name, found, own, same) for name, found in asked.by.items()}
+        views = {name: self._view(name, found, own, same, asked.names) for name, found in asked.by.items()}
         weights = weights_of(views, self._graph.mutual if self._along else {})
         again = near_again(views, weights, len(self._graph.nodes)) if self._along else {}
         weighed = Weighed({name: Found.of(view) for name, view in views.items()}, again, own, weights)
@@ -132,7 +135,7 @@ class FusedSearcher(LakeSearcher):
             return best
         # Who asks for more than the nearest gets the others after them, by distance alone.
         rest, known = ask(every), asked.known.keys() | {refused}
-        plain = {name: Found.of(self._view(name, found, own, same, graph=False)) for name, found in rest.by.items()}
+        plain = {name: Found.of(self._view(name, found, own, same)) for name, found in rest.by.items()}
         farthest: float = max((hit.distance for hit in best), default=0.0)
         weighed = Weighed(plain, {}, own, weights)
         distances = weighed.nearest(clip for clip in rest.known if clip not in known)[: k - len(best)]
@@ -160,8 +163,9 @@ class FusedSearcher(LakeSearcher):
     def _chosen(self, cascade: Cascade, query: Query, scope: Scope, mirrored: bool, k: int) -> Asked[int]:
         failed: list[UserError] = []
         asked = cascade.nearest(query, k, scope, mirrored=mirrored, failed=failed)
+        beside = self._named(self._beside, query, scope, mirrored, k, failed)
         self.left_out[query.name] = [str(error) for error in failed]
-        return asked
+        return replace(asked, by={**asked.by, **{name: cascade.ranking(hits) for name, hits in beside.items()}})
 
     def _asked(self, query: Query, scope: Scope, mirrored: bool, k: int) -> Asked[str]:
         """The k nearest by each method that can compare the query.
@@ -170,37 +174,56 @@ class FusedSearcher(LakeSearcher):
             UserError: none can.
         """
         failed: list[UserError] = []
+        found = self._named(self._searchers, query, scope, mirrored, k, failed)
+        if failed and not found:
+            raise failed[0]
+        self.left_out[query.name] = [str(error) for error in failed]
+        return asked_of_hits(found, query.clip)
+
+    @staticmethod
+    def _named(
+        searchers: Mapping[str, LakeSearcher], query: Query, scope: Scope, mirrored: bool, k: int,
+        failed: list[UserError],
+    ) -> dict[str, list[Hit]]:  # fmt: skip
+        """The k nearest by each of some methods that can compare the query; `failed` gets why others cannot."""
         found: dict[str, list[Hit]] = {}
-        for name, each in self._searchers.items():
+        for name, each in searchers.items():
             try:
                 (found[name],) = each.nearest([query], k, replace(scope, own=True), mirrored=mirrored)
             except DamagedError:
                 raise
             except UserError as error:
                 failed.append(error)
-        if failed and not found:
-            raise failed[0]
-        self.left_out[query.name] = [str(error) for error in failed]
-        return asked_of_hits(found, query.clip)
+        return found
 
     def _view(
-        self, name: str, found: Ranking[Clip], own: Clip | None, same: Container[Clip], *, graph: bool = True
-    ) -> View[Clip]:
+        self, name: str, found: Ranking[Clip], own: Clip | None, same: Container[Clip],
+        names: Callable[[Sequence[Clip]], list[str]] | None = None,
+    ) -> View[Clip]:  # fmt: skip
+        """What a method makes of the query; along its graph, given the names of clips."""
         others = [at for at, clip in enumerate(found.clips) if clip != own]
         clips, distances = [found.clips[at] for at in others], found.distances[others]
         unit = scale(distances)
         equal = np.array([clip in same for clip in clips], dtype=np.bool_)
         near = np.where(equal, 1.0, as_near(np.minimum(distances, found.reach), np.float64(unit)))
         ways = None
-        if graph and self._along and name in self._graph.methods:
-            nodes, start = self._graph.of([str(clip) for clip in clips]), self._graph.nodes.get(str(own), NOWHERE)
+        if names is not None and self._along and name in self._graph.methods:
+            nodes = self._graph.of(names(clips))
+            start = NOWHERE if own is None else int(self._graph.of(names([own]))[0])
             ways = diffused(self._graph.methods[name], nodes, distances, start)
             ways[-1, :-1][equal] = ways[:-1, -1][equal] = 1.0
         return View(clips, distances, near, ways)
 
     @cached_property
     def _searchers(self) -> dict[str, LakeSearcher]:
-        return _ready(self.lake)
+        return _ready(self.lake, compared_by(self.lake))
+
+    @cached_property
+    def _beside(self) -> dict[str, LakeSearcher]:
+        """The methods that compare all clips beside those of the shortlist; none in a large lake."""
+        if self._cascade is None or self._cascade.large:
+            return {}
+        return _ready(self.lake, [name for name in compared_by(self.lake) if name not in self._cascade.methods])
 
     @cached_property
     def _graph(self) -> LakeNeighbours:
@@ -209,11 +232,15 @@ class FusedSearcher(LakeSearcher):
         return read_neighbours(self.lake)
 
 
-def _cascade(lake: Lake) -> Cascade | None:
+def _cascade(lake: Lake, *, exact: bool) -> Cascade | None:
     from motionlake.retrieval.lake_shortlist import LakeShortlist, shortlist_of
 
     files = shortlist_of(lake)
     if not files:
+        return None
+    if exact:
+        if _clips(lake) > MOST:
+            raise UserError(f"{lake.root}: is too large for --exact by all methods together; give one with --method")
         return None
 
     with ThreadPoolExecutor(1) as pool:
@@ -229,11 +256,15 @@ def compared_by(lake: Lake) -> list[str]:
     Those of `WEIGHTS`, or else any; in a lake of more than `MOST` clips those that need not hold all in memory.
     """
     names = [name for name in ready(lake, "clip") if name != FusedSearcher.name]
-    with reading(lake) as con:
-        (count,) = fetch(con, "count_clips")
-    wanted = WEIGHTS if count["clips"] <= MOST else LARGE
+    wanted = WEIGHTS if _clips(lake) <= MOST else LARGE
     return [name for name in wanted if name in names] or names
 
 
-def _ready(lake: Lake) -> dict[str, LakeSearcher]:
-    return {name: cast(LakeSearcher, searcher("clip", name, lake)) for name in compared_by(lake)}
+def _clips(lake: Lake) -> int:
+    with reading(lake) as con:
+        (count,) = fetch(con, "count_clips")
+    return int(count["clips"])
+
+
+def _ready(lake: Lake, names: Sequence[str]) -> dict[str, LakeSearcher]:
+    return {name: cast(LakeSearcher, searcher("clip", name, lake, exact=True)) for name in names}

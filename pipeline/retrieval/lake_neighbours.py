@@ -65,6 +65,6 @@ def _graph(
     """Of `count` nodes, from the lists of some one after another."""
     graph = np.full((count, max(lengths.max(initial=0), 1)), NOWHERE)
     far = np.full(graph.shape, np.inf)
-    at = np.repeat(nodes, lengths), np.concatenate([np.arange(length) for length in lengths])
+    at = np.repeat(nodes, lengths), np.arange(lengths.sum()) - np.repeat(np.cumsum(lengths) - lengths, lengths)
     graph[at], far[at] = neighbours, distances
     return NeighbourGraph(graph, far, int((lengths > 0).sum()))

@@ -1,4 +1,4 @@
-"""The clips of the shortlist of a large lake, beside those of its catalog; nothing here needs a kernel."""
+"""The clips of the shortlist of a lake, beside those of its catalog; nothing here needs a kernel."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 import pyarrow as pa
 from motionlake.arrays import Float32Array, Int64Array
+from motionlake.columns import column_of
 from motionlake.deep_motifs.signatures import CorpusClip
 from motionlake.errors import UserError
 from motionlake.lake.catalog import fetch, reading
@@ -16,8 +17,8 @@ from motionlake.lake.layout import Lake
 from motionlake.lake.models import check_served
 from motionlake.motion.moves import KIND
 from motionlake.retrieval.known_clips import KnownClips, row_of
-from motionlake.retrieval.protocol import ClipFilter, not_ready
-from motionlake.stages.shortlist_files import MOST, ShortlistFiles
+from motionlake.retrieval.protocol import ClipFilter, Finds, not_ready
+from motionlake.stages.shortlist_files import MOST, WHOLE, ShortlistFiles
 
 
 class LakeShortlist:
@@ -51,6 +52,16 @@ class LakeShortlist:
                 )
             check_served(lake, *self.files.methods)
         self._admitted: dict[ClipFilter, Float32Array] = {}
+
+    @property
+    def large(self) -> bool:
+        """Whether the lake holds more clips than have a neighbour graph."""
+        return len(self.known.table) > MOST
+
+    def names(self, rows: Sequence[int]) -> list[str]:
+        """Of the clips of some rows."""
+        found: list[str] = self.files.table["clip"].take(column_of(np.array(rows, dtype=np.int64))).to_pylist()
+        return found
 
     def facts(self, row: int) -> CorpusClip:
         """What the catalog says of the clip of a row."""
@@ -100,11 +111,14 @@ class LakeShortlist:
         return np.array([rows.get(pair, -1) for pair in zip(*_names(made), strict=True)], dtype=np.int64)
 
 
-def shortlist_of(lake: Lake) -> list[str]:
-    """The files of the shortlist by which a lake of more than `MOST` clips is searched; none: without."""
+def shortlist_of(lake: Lake, finds: Finds = "clip") -> list[str]:
+    """The files of the shortlist by which a lake is searched for clips, or for ranges; none: without.
+
+    Clips are chosen by it in lakes of more than `WHOLE` clips, ranges in those of more than `MOST`.
+    """
     with reading(lake) as con:
         (count,), files = fetch(con, "count_clips"), [row["file"] for row in fetch(con, "shortlist_files")]
-    return files if count["clips"] > MOST else []
+    return files if count["clips"] > (WHOLE if finds == "clip" else MOST) else []
 
 
 def _names(table: pa.Table) -> tuple[list[str], list[str]]:

@@ -39,7 +39,7 @@ class WordsSearcher:
     def __init__(self, lake: Lake) -> None:
         self.lake = lake
         check_served(lake, "signature")
-        files = shortlist_of(lake)
+        files = shortlist_of(lake, "range")
         self._large = LakeWords(lake, files) if files else None
         if self._large is None:
             self.corpus  # noqa: B018 - read now, as a searcher is

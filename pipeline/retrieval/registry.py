@@ -29,10 +29,12 @@ SEARCHERS: Final[dict[Finds, dict[str, str]]] = {
 }
 
 
-# Those that compare some clips of a large lake: chosen by vectors or windows of their own, or by the words of a piece.
+# Those that compare some clips by a shortlist: chosen by vectors or windows, or by the words of a piece.
 CHOSEN: Final[dict[Finds, tuple[str, ...]]] = {
     "clip": ("signature", "alignment", "moves"), "range": ("alignment", "submotion", "moves"),
 }  # fmt: skip
+# Those that can compare every clip instead; the first by an option of its own.
+EXACT: Final[dict[Finds, tuple[str, ...]]] = {"clip": ("fused", *CHOSEN["clip"]), "range": CHOSEN["range"]}
 
 
 def methods(finds: Finds) -> tuple[str, ...]:
@@ -54,14 +56,16 @@ def searcher(finds: Finds, name: str, lake: Lake, /, *, exact: bool = False, **o
         finds: whole clips, or ranges of frames inside them.
         name: of `methods(finds)`; "fused" takes those that the lake is ready for.
         lake: what is searched.
-        exact: compare every clip of a large lake too, where the method would choose some by its shortlist.
+        exact: compare every clip, where the method would choose some by the lake's shortlist.
         options: of the method itself, such as the stride of "alignment"; with any, every clip is compared.
 
     Raises:
         UserError: an unknown method, or one that the lake is not ready for.
     """
-    if name in CHOSEN[finds] and not (exact or options) and (files := _shortlist(lake)):
+    if name in CHOSEN[finds] and not (exact or options) and (files := _shortlist(lake, finds)):
         return _of_some_clips(finds, name, lake, files)
+    if exact and (finds, name) == ("clip", "fused"):
+        options["exact"] = True
     module, _, maker = SEARCHERS[finds][check_method(finds, name)].partition(":")
     found: Searcher = getattr(import_module(f"motionlake.retrieval.{module}"), maker)(lake, **options)
     return found
@@ -84,10 +88,10 @@ def _of_some_clips(finds: Finds, name: str, lake: Lake, files: list[str]) -> Sea
     return NarrowedSearcher(lake, name, every)
 
 
-def _shortlist(lake: Lake) -> list[str]:
+def _shortlist(lake: Lake, finds: Finds) -> list[str]:
     from motionlake.retrieval.lake_shortlist import shortlist_of
 
-    return shortlist_of(lake)
+    return shortlist_of(lake, finds)
 
 
 def ready(lake: Lake, finds: Finds) -> list[str]:

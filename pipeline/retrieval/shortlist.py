@@ -1,4 +1,4 @@
-"""The default search of a large lake: clips are chosen by short vectors, and compared as in a small one.
+"""The search of a lake of many clips: some are chosen by short vectors, and compared as in a small lake.
 
 Each method says by its own vectors, which stage "shortlist" keeps, how near every clip is, and those that are nearest
 by all methods together are compared by all. The answers by a method are then its nearest among these.
@@ -7,7 +7,7 @@ by all methods together are compared by all. The answers by a method are then it
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, FloatArray, Int64Array
@@ -22,13 +22,27 @@ from motionlake.retrieval.shortlist_methods import LEAST, METHODS, THREADS, Answ
 from motionlake.retrieval.weighing import WEIGHTS, as_near
 from motionlake.threads import in_threads, limited
 
-CHOSEN: Final = 1500  # clips that are compared, at least
-IN_FULL: Final = 200  # of these, those that are compared by all frames of moves, where not twice as many are asked for
-ALONE_IN_FULL: Final = 400  # the same where moves are asked alone
+ALONE_IN_FULL: Final = 400  # clips that are compared by all frames of moves, where these are asked alone
+
+
+class Most(NamedTuple):
+    """How many clips are compared.
+
+    Attributes:
+        chosen: by vectors, at least.
+        in_full: of these by all frames of moves, where not twice as many answers are asked for.
+    """
+
+    chosen: int
+    in_full: int
+
+
+LARGE: Final = Most(1500, 200)
+MIDDLE: Final = Most(3000, 700)  # in a lake with a graph, whose ways go on from all clips that are near by a method
 
 
 class Cascade:
-    """The nearest clips of a large lake by each method that its shortlist has vectors for."""
+    """The nearest clips of a lake by each method that its shortlist has vectors for."""
 
     def __init__(self, clips: LakeShortlist) -> None:
         self.lake, self.files, self._clips = clips.lake, clips.files, clips
@@ -36,6 +50,21 @@ class Cascade:
             self._methods = {
                 name: METHODS[name](self.lake, self.files, con) for name in METHODS if name in self.files.methods
             }
+
+    @property
+    def large(self) -> bool:
+        """As `LakeShortlist.large`."""
+        return self._clips.large
+
+    @property
+    def methods(self) -> list[str]:
+        """The names of these methods."""
+        return list(self._methods)
+
+    def ranking(self, hits: Sequence[Hit]) -> Ranking[int]:
+        """What another method has answered, in rows, without clips that the shortlist does not hold."""
+        found = [(row, hit.distance) for hit in hits if (row := self._clips.place(hit.clip)) is not None]
+        return Ranking([row for row, _ in found], np.array([distance for _, distance in found]))
 
     def nearest(self, query: Query, k: int, scope: Scope, *, mirrored: bool, failed: list[UserError]) -> Asked[int]:
         """The k nearest by each method that can compare the query, in rows; `failed` gets why others cannot.
@@ -50,7 +79,8 @@ class Cascade:
         likeness = self._likeness(values)
         near = {name: each + admitted for name, each in likeness.items()}
         together = sum(likeness.values(), start=admitted)
-        rows = np.sort(largest(together, max(k, CHOSEN)))
+        most = LARGE if self.large else MIDDLE
+        rows = np.sort(largest(together, max(k, most.chosen)))
         first = self._shared(self._compared(values), values, rows, k)
         by = {name: Ranking(found[:k].tolist(), distances[:k], self._reach(name, near[name], rows, k, distances[:k]))
               for name, (found, distances) in first.items() if name != ByMoves.name}  # fmt: skip
@@ -59,8 +89,9 @@ class Cascade:
             others = together[known] / len(likeness)
             for name, each in by.items():
                 others = others + WEIGHTS[name] / WEIGHTS[ByMoves.name] * _nearness(known, each)
-            by[ByMoves.name] = self._moves(values[ByMoves.name], known, rough, others, k, IN_FULL)
-        return Asked(by, None if query.clip is None else self._clips.place(query.clip), self._as_hits)
+            by[ByMoves.name] = self._moves(values[ByMoves.name], known, rough, others, k, most.in_full)
+        own = None if query.clip is None else self._clips.place(query.clip)
+        return Asked(by, own, self._as_hits, self._clips.names)
 
     def _compared(self, names: Iterable[str]) -> dict[str, Callable[[Value, Int64Array, int], Answers]]:
         """How each of some methods compares clips first."""

@@ -1,4 +1,4 @@
-"""How each method of the search of a large lake chooses clips by short vectors, and compares those that were chosen."""
+"""How each method of a search by shortlist chooses clips by short vectors, and compares those that were chosen."""
 
 from __future__ import annotations
 

@@ -1,10 +1,10 @@
-"""Stage "shortlist": what the default search of a large lake reads instead of all signatures, strings and moves.
+"""Stage "shortlist": what the default search reads instead of all signatures, strings and moves of a lake.
 
 Of every clip it keeps a short vector by each method, by which the search chooses some hundred clips, and what these
-are then compared by: signature, symbols and moves; and the motifs of its words and its windows, among which pieces are
-looked for. The files are laid out so that little of them is read. All clips are compared along the same directions, so
-all are done together; but moves, windows, postures and joints are read of clips alone that came since
-(`motionlake.stages.shortlist_before`).
+are then compared by: signature, symbols and moves; in a large lake also the motifs of its words and its windows, among
+which pieces are looked for. The files are laid out so that little of them is read. All clips are compared along the
+same directions, so all are done together; but moves, windows, postures and joints are read of clips alone that came
+since (`motionlake.stages.shortlist_before`).
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ from motionlake.stages.shortlist_files import (
     FOLDER,
     MOST,
     SAMPLE,
+    WHOLE,
     WIDTHS,
     Made,
     Places,
@@ -63,7 +64,7 @@ class Shortlist(ShardStage):
 
     name = "shortlist"
     version = 12  # with lists in files of their own
-    about = "short vectors by which the search of a large lake chooses the clips that it compares"
+    about = "short vectors by which a search chooses the clips that it compares"
     reads_catalog = True
     upstream = tuple(dict.fromkeys(stage.name for stage in KEPT.values()))
     folders = (FOLDER,)
@@ -72,7 +73,7 @@ class Shortlist(ShardStage):
         return int(self._lacking(at) is not None)
 
     def plan(self, at: LakeReader) -> list[Shard]:
-        """Nothing where no method has what it compares, or the lake holds no more than `MOST` clips."""
+        """Nothing where no method has what it compares, or the lake holds no more than `WHOLE` clips."""
         shard = self._lacking(at)
         return [] if shard is None else [self._after(at, shard)]
 
@@ -90,16 +91,16 @@ class Shortlist(ShardStage):
     def whole(self, at: LakeReader) -> Shard | None:
         """The shard that the lake as it stands needs, done or not; None where it needs none."""
         live = live_parts(at)
-        made = {method: made_keys(at, stage) for method, stage in KEPT.items()}
+        count = sum(part.clips for part in live)
+        made = {method: made_keys(at, stage) for method, stage in (KEPT if count > MOST else COMPARED).items()}
         methods = [method for method, keys in made.items() if keys]
-        if not methods or sum(part.clips for part in live) <= MOST:
+        if not methods or count <= WHOLE:
             return None
         (clips,) = fetch(at.con, "digest_of_clips")
         key = config_hash(self.name, self.version, KIND, made, clips["digest"])
-        read = {
-            "moves": list(moves_of_parts(at).values()), "windows": vectors_of_parts(at),
-            **{rows.name: rows.of_parts(at) for rows in ROWS},
-        }  # fmt: skip
+        read: dict[str, Any] = {"moves": list(moves_of_parts(at).values())}
+        if count > MOST:  # pieces of clips are looked for in it
+            read |= {"windows": vectors_of_parts(at), **{rows.name: rows.of_parts(at) for rows in ROWS}}
         # Named by its datasets: it serves on where a part of them leaves the lake.
         datasets = "+".join(sorted({part.dataset for part in live}))
         return Shard(self.name, key, datasets, datasets, {"methods": methods, **read}, clips["clips"])

@@ -1,4 +1,4 @@
-"""The files of the shortlist of a large lake: arrays that are mapped into memory; a search reads of them what it needs.
+"""The files of the shortlist of a lake: arrays that are mapped into memory; a search reads of them what it needs.
 
 All but pieces (`motionlake.stages.shortlist_pieces`) are compared with what was written before they are read.
 """
@@ -25,7 +25,8 @@ from motionlake.motion.sketches import Directions, instants
 from motionlake.stages.shortlist_pieces import Kind, Pieces
 from numpy.typing import NDArray
 
-MOST: Final = 20_000  # clips of a lake up to which a search compares all of them
+WHOLE: Final = 2000  # clips of a lake up to which a search compares all of them
+MOST: Final = 20_000  # clips of a lake up to which it has a neighbour graph, and pieces are looked for in all of them
 FOLDER: Final = "shortlist"
 CLIPS: Final = "clips.arrow"
 HALF: Final = np.dtype("<f2")
