@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from unittest import mock
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from motionlake.arrays import Float64Array
+from motionlake.deep_motifs import word_sets
 from motionlake.deep_motifs.end_to_end import Stretches, end_to_end
 from motionlake.deep_motifs.query_by_example import bags_of
-from motionlake.deep_motifs.word_sets import MOST, set_distances, set_matrix, spread
+from motionlake.deep_motifs.word_sets import BLOCK, MOST, set_distances, set_matrix, spread
 from motionlake.motion.diffusion import JOINED, RESTART
 from motionlake.motion.moves import LEAST, Track
 from motionlake.motion.moves_windows import TEMPI, distances_about, windows_distances
@@ -33,7 +35,9 @@ def test_runs_of_words_are_compared_as_sets(seed: int, words: int, count: int, l
     expected = [naive_sets(query, every[run]) for run in runs]
     np.testing.assert_allclose(set_distances(query, every, runs), expected, rtol=1e-4, atol=1e-5)
     matrix = [[naive_sets(every[one], every[other]) for other in runs] for one in runs]
-    np.testing.assert_allclose(set_matrix(every, runs), matrix, rtol=1e-4, atol=1e-5)
+    for block in (2, BLOCK):
+        with mock.patch.object(word_sets, "BLOCK", block):
+            np.testing.assert_allclose(set_matrix(every, runs), matrix, rtol=1e-4, atol=1e-5)
     assert (set_distances(every[runs[0]], every, runs[:1]) == 0).all()
 
 

@@ -68,10 +68,8 @@ _BARRED = -2
 
 def _over(starts: Int64Array, stops: Int64Array, values: Float64Array, frames: int) -> Float64Array:
     """[frames] sum of the values of the windows over each frame."""
-    steps = np.zeros(frames + 1)
-    np.add.at(steps, starts, values)
-    np.add.at(steps, stops, -values)
-    return np.asarray(np.cumsum(steps)[:-1])
+    begun, ended = (np.bincount(at, values, frames + 1) for at in (starts, stops))
+    return np.asarray(np.cumsum(begun - ended)[:-1])
 
 
 @njit(cache=True)
@@ -80,7 +78,10 @@ def _apart(starts: Int64Array, stops: Int64Array, owner: Int64Array) -> Int64Arr
     chosen = np.empty(len(starts), dtype=np.int64)
     count = 0
     for window in range(len(starts)):
-        if (owner[starts[window] : stops[window]] == _NONE).all():
+        frame = starts[window]
+        while frame < stops[window] and owner[frame] == _NONE:
+            frame += 1
+        if frame == stops[window]:
             owner[starts[window] : stops[window]] = count
             chosen[count] = window
             count += 1

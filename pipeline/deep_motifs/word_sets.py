@@ -12,8 +12,11 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, Int64Array
 from motionlake.kernels import njit
+from motionlake.threads import in_threads
 
 MOST: Final = 12  # words of a run that are compared; of a longer one as many, evenly spread
+BLOCK: Final = 64  # runs that are compared with those before them at a time
+THREADS: Final = 2
 _ROUNDING: Final = 1e-5
 
 
@@ -36,10 +39,22 @@ def set_distances(query: Float32Array, words: Float32Array, runs: Int64Array) ->
 
 
 def set_matrix(words: Float32Array, runs: Int64Array) -> Float64Array:
-    """[v, v] distances of runs [v, m] of words [W, d] from one another."""
+    """[v, v] distances of runs [v, m] of words [W, d] from one another.
+
+    Threads compare some runs at a time with those before them, and hold no more distances of words than these have.
+    """
     used, places = np.unique(runs, return_inverse=True)
+    places, known = places.reshape(runs.shape), words[used]
     found = np.zeros((len(runs), len(runs)))
-    _all_with_all(_between(words[used], words[used]), places.reshape(runs.shape), found)
+
+    def compare(first: int) -> None:
+        some = places[first : first + BLOCK]
+        own, rows = np.unique(some, return_inverse=True)
+        columns = places[: first + len(some)].max() + 1
+        between = _between(known[own], known[:columns])
+        _some_with_those_before(between, rows.reshape(some.shape), places, first, found)
+
+    in_threads(compare, range(0, len(runs), BLOCK)[::-1], THREADS)  # those that have most before them first
     return found
 
 
@@ -78,18 +93,24 @@ def _one_with_many(between: Float32Array, runs: Int64Array, out: Float64Array) -
 
 
 @njit(cache=True, nogil=True)
-def _all_with_all(between: Float32Array, runs: Int64Array, out: Float64Array) -> None:
-    """Kernel: `between` [W, W] distances of all words; `out` [v, v], zero on its diagonal."""
-    count, length = runs.shape
+def _some_with_those_before(
+    between: Float32Array, some: Int64Array, runs: Int64Array, first: int, out: Float64Array
+) -> None:
+    """Kernel: `out` [v, v] gets how far each of `some` runs [b, m], from the `first` on, is from those before it.
+
+    `between` [w, W] are distances of their words from those of all runs [v, m].
+    """
+    length = runs.shape[1]
     nearest = np.empty(length)
-    for one in range(count):
+    for row in range(len(some)):
+        one = first + row
         for other in range(one):
             nearest[:] = np.inf
             total = 0.0
             for j in range(length):
                 least = np.inf
                 for i in range(length):
-                    apart = between[runs[one, i], runs[other, j]]
+                    apart = between[some[row, i], runs[other, j]]
                     least = min(least, apart)
                     nearest[i] = min(nearest[i], apart)
                 total += least

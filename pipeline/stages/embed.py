@@ -12,7 +12,7 @@ import pyarrow as pa
 from motionlake.arrays import Float32Array
 from motionlake.columns import numbers, read_parquet
 from motionlake.lake.frames import runs_of
-from motionlake.lake.integrity import sound
+from motionlake.lake.integrity import sound, sound_files
 from motionlake.lake.layout import Lake
 from motionlake.lake.loaded import loaded
 from motionlake.motion.features import WordConfig, word_windows
@@ -20,8 +20,10 @@ from motionlake.stages.reader import LakeReader
 from motionlake.stages.stage import PART_KEYS, Part, PartStage, Shard, part_keys
 from motionlake.stages.word_network import WORD_NETWORK
 from motionlake.stages.words import WORDS, read_features
+from motionlake.threads import in_threads
 from numpy.typing import NDArray
 
+THREADS: Final = 2  # that read parts
 ROWS = pa.schema([*PART_KEYS, ("word", pa.int32()), ("embedding", pa.list_(pa.float32()))])
 
 
@@ -56,9 +58,9 @@ class Embed(PartStage):
 EMBED: Final = Embed()
 
 
-def read_embeddings(path: Path) -> tuple[pa.Table, NDArray[np.float32]]:
-    """(clip, part, word) rows and [n, d] vectors of an embeddings part."""
-    table = read_parquet(path)
+def read_embeddings(path: Path, *, threads: bool = True) -> tuple[pa.Table, NDArray[np.float32]]:
+    """(clip, part, word) rows and [n, d] vectors of an embeddings part; `threads`: as of `read_parquet`."""
+    table = read_parquet(path, threads=threads)
     vectors = numbers(table.column("embedding").combine_chunks().flatten())
     return table.select(["clip", "part", "word"]), vectors.reshape(table.num_rows, -1)
 
@@ -70,10 +72,12 @@ def vectors_of_clips(at: LakeReader, parts: Mapping[str, str]) -> dict[str, Floa
         DamagedError: a part is not as it was written.
     """
     done, wanted = at.done(EMBED.name), set(parts.values())
-    found: dict[str, Float32Array] = {}
-    for part in EMBED.parts(at) or []:
-        if part.key in done and part.part in wanted:
-            rows, vectors = read_embeddings(sound(at.lake, EMBED.file(part.key)))
-            runs = runs_of(rows.column("clip"))
-            found |= {clip: vectors[run] for clip, run in runs if parts.get(clip) == part.part}
-    return found
+    made = [part for part in EMBED.parts(at) or [] if part.key in done and part.part in wanted]
+    files = sound_files(at.lake, [EMBED.file(part.key) for part in made])
+
+    def read(number: int) -> dict[str, Float32Array]:
+        rows, vectors = read_embeddings(files[number], threads=False)
+        runs = runs_of(rows.column("clip"))
+        return {clip: vectors[run] for clip, run in runs if parts.get(clip) == made[number].part}
+
+    return {clip: vectors for each in in_threads(read, range(len(made)), THREADS) for clip, vectors in each.items()}
