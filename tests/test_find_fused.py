@@ -17,6 +17,7 @@ from motionlake.deep_motifs.word_sets import BLOCK, MOST, set_distances, set_mat
 from motionlake.motion.diffusion import JOINED, RESTART
 from motionlake.motion.moves import LEAST, Track
 from motionlake.motion.moves_windows import TEMPI, distances_about, windows_distances
+from motionlake.retrieval.fused_ranges import _least
 from motionlake.retrieval.window_graph import along_windows
 
 
@@ -174,3 +175,9 @@ def test_windows_about_frames_are_of_every_tempo(seed: int, length: int, frames:
             start = min(max(middle - width // 2, 0), frames - width)
             expected[middle] = min(expected[middle], windows_distances(query, other, np.array([start]), width)[0])
     np.testing.assert_allclose(distances_about(query, other, middles), expected, atol=1e-4)
+
+
+@given(st.lists(st.integers(0, 5), min_size=1, max_size=30), st.integers(1, 32))
+def test_the_least_of_many(values: list[int], count: int) -> None:
+    expected = np.sort(np.argsort(values, kind="stable")[:count])
+    np.testing.assert_array_equal(_least(np.array(values, dtype=np.float64), count), expected)

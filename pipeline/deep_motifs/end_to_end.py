@@ -45,15 +45,11 @@ def end_to_end(windows: Stretches, lengths: Int64Array, barred: tuple[int, int, 
         owner[offsets[barred[0]] + barred[1] : offsets[barred[0]] + barred[2]] = _BARRED
     starts, stops = offsets[windows.clip] + windows.start, offsets[windows.clip] + windows.stop
     chosen = _apart(starts, stops, owner)
-    sums, counts = (
-        _over(starts, stops, values, len(owner)) for values in (windows.distance, np.ones(len(windows.distance)))
-    )
-    with np.errstate(invalid="ignore", divide="ignore"):
-        mean = np.where(counts > 0.5, sums / counts, np.nan)
     begins, ends, distances = (values[chosen] for values in (starts, stops, windows.distance))
     least = np.zeros(len(lengths), dtype=np.int64)
     np.maximum.at(least, windows.clip, (windows.stop - windows.start + 3) // 4)
-    found = _between(offsets, least, owner, mean, begins, ends, distances)
+    begun, ended = (_summed(at, windows.distance) for at in (starts, stops))
+    found = _between(offsets, least, owner, begun, ended, begins, ends, distances)
     begins, ends = (
         np.concatenate([own, gap.astype(np.int64)]) for own, gap in ((begins, found[:, 0]), (ends, found[:, 1]))
     )
@@ -66,10 +62,10 @@ _NONE = -1
 _BARRED = -2
 
 
-def _over(starts: Int64Array, stops: Int64Array, values: Float64Array, frames: int) -> Float64Array:
-    """[frames] sum of the values of the windows over each frame."""
-    begun, ended = (np.bincount(at, values, frames + 1) for at in (starts, stops))
-    return np.asarray(np.cumsum(begun - ended)[:-1])
+def _summed(frames: Int64Array, values: Float64Array) -> tuple[Int64Array, Float64Array]:
+    """[n] frames at which windows begin, or have ended, in order; [n + 1] sums of the values of the first of them."""
+    order = np.argsort(frames, kind="stable")
+    return frames[order], np.concatenate([[0.0], np.cumsum(values[order])])
 
 
 @njit(cache=True)
@@ -90,8 +86,8 @@ def _apart(starts: Int64Array, stops: Int64Array, owner: Int64Array) -> Int64Arr
 
 @njit(cache=True)
 def _between(
-    offsets: Int64Array, least: Int64Array, owner: Int64Array, mean: Float64Array, begins: Int64Array, ends: Int64Array,
-    distances: Float64Array,
+    offsets: Int64Array, least: Int64Array, owner: Int64Array, begun: tuple[Int64Array, Float64Array],
+    ended: tuple[Int64Array, Float64Array], begins: Int64Array, ends: Int64Array, distances: Float64Array,
 ) -> Float64Array:  # fmt: skip
     """Kernel: [g, 3] start, stop and distance of what is between answers and long enough; the rest lengthens them.
 
@@ -99,7 +95,7 @@ def _between(
         offsets: [clips + 1] of clips in the frames of all.
         least: [clips] frames of a quarter of a window.
         owner: [frames] answer that each is in.
-        mean: [frames] distance of the windows over each; nan without one.
+        begun, ended: distances of the windows, by the frames at which they begin and have ended (`_summed`).
         begins, ends, distances: [n] of the answers; lengthened here.
     """
     found = []
@@ -113,8 +109,11 @@ def _between(
             before = owner[first - 1] if first > offsets[clip] else _NONE
             after = owner[frame] if frame < end else _NONE
             if frame > first:
-                if frame - first >= least[clip] and not np.isnan(mean[middle]):
-                    found.append((float(first), float(frame), mean[middle]))
+                before_it = np.searchsorted(begun[0], middle, side="right")
+                no_more = np.searchsorted(ended[0], middle, side="right")
+                if frame - first >= least[clip] and before_it > no_more:
+                    mean = (begun[1][before_it] - ended[1][no_more]) / (before_it - no_more)
+                    found.append((float(first), float(frame), mean))
                 elif before >= 0 and (after < 0 or distances[before] >= distances[after]):
                     ends[before] = frame
                 elif after >= 0:

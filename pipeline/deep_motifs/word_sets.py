@@ -33,8 +33,18 @@ def set_distances(query: Float32Array, words: Float32Array, runs: Int64Array) ->
         words: [W, d], of all the others.
         runs: [v, m] rows of `words`.
     """
-    found = np.empty(len(runs))
-    _one_with_many(_between(query, words), runs, found)
+    found, between = np.empty(len(runs)), np.empty((len(query), len(words)), dtype=np.float32)
+
+    def measure(some: slice) -> None:
+        between[:, some] = _between(query, words[some])
+
+    def compare(some: slice) -> None:
+        _one_with_many(between, runs[some], found[some])
+
+    for work, count in ((measure, len(words)), (compare, len(runs))):
+        in_threads(
+            work, [slice(count * part // THREADS, count * (part + 1) // THREADS) for part in range(THREADS)], THREADS
+        )
     return found
 
 

@@ -187,7 +187,7 @@ class FusedRangeSearcher(LakeSearcher):
         grid = np.flatnonzero(windows.first % max(1, n_words // 2) == 0)
         if not len(grid):
             grid = np.arange(len(near))
-        nodes = np.sort(grid[np.argsort(-near[grid], kind="stable")[:NODES]])
+        nodes = grid[_least(-near[grid], NODES)]
         apart = set_matrix(self._vectors, runs[nodes])
         clip, first = windows.clip[nodes], windows.first[nodes]
         apart[(clip[:, None] == clip) & (np.abs(first[:, None] - first) < n_words)] = np.inf
@@ -200,8 +200,9 @@ class FusedRangeSearcher(LakeSearcher):
     def _near(self, asked: _Asked, windows: _Windows, sets: Float64Array) -> tuple[Float64Array, BoolArray]:
         """[v] how near windows are by all ways, and which hold the very words of the query."""
         n_words = len(asked.motifs)
-        order = np.argsort(sets, kind="stable")
-        reached, others = np.sort(order[:REACH]), order[REACH:]
+        reached = _least(sets, REACH)
+        others = np.ones(len(sets), dtype=np.bool_)
+        others[reached] = False
         of_each = {"embedding": sets[reached], "signature": self._signatures(asked, windows, reached)}
         if asked.moves is not None:
             of_each["moves"] = self._by_moves(asked.moves, windows, reached)
@@ -210,7 +211,7 @@ class FusedRangeSearcher(LakeSearcher):
         near = np.empty(len(sets))
         near[reached] = sum(parts) / total
         # Of windows out of reach no more is known than that they are farther.
-        near[others] = near[reached].min() * sets[order[:REACH]].max() / np.maximum(sets[others], _LEAST)
+        near[others] = near[reached].min() * sets[reached].max() / np.maximum(sets[others], _LEAST)
         same = np.zeros(len(sets), dtype=np.bool_)
         same[reached] = (of_each["signature"] <= _EQUAL) & (of_each["embedding"] <= _EQUAL)
         return near, same
@@ -236,6 +237,15 @@ class FusedRangeSearcher(LakeSearcher):
 def _together(along: Float64Array, near: Float64Array) -> Float64Array:
     """Distance of what is so near along the graph and by itself."""
     return np.asarray(1 - near * (along + DIRECT * near) / (1 + DIRECT))
+
+
+def _least(values: Float64Array, count: int) -> Int64Array:
+    """[count] which are the least, ascending, of equal ones the first; all where there are no more."""
+    if count >= len(values):
+        return np.arange(len(values))
+    last = np.partition(values, count - 1)[count - 1]
+    below = np.flatnonzero(values < last)
+    return np.sort(np.concatenate([below, np.flatnonzero(values == last)[: count - len(below)]]))
 
 
 def _rounded(moves: Float64Array) -> Float64Array:
