@@ -7,6 +7,7 @@ runs are that do not hold the same words.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -41,10 +42,8 @@ def set_distances(query: Float32Array, words: Float32Array, runs: Int64Array) ->
     def compare(some: slice) -> None:
         _one_with_many(between, runs[some], found[some])
 
-    for work, count in ((measure, len(words)), (compare, len(runs))):
-        in_threads(
-            work, [slice(count * part // THREADS, count * (part + 1) // THREADS) for part in range(THREADS)], THREADS
-        )
+    in_threads(measure, _shares(len(words)), THREADS)
+    in_threads(compare, _shares(len(runs)), THREADS)
     return found
 
 
@@ -66,6 +65,12 @@ def set_matrix(words: Float32Array, runs: Int64Array) -> Float64Array:
 
     in_threads(compare, range(0, len(runs), BLOCK)[::-1], THREADS)  # those that have most before them first
     return found
+
+
+def _shares(count: int) -> list[slice]:
+    """Which of so many rows each thread works on."""
+    bounds = np.linspace(0, count, THREADS + 1).astype(np.int64).tolist()
+    return [slice(first, stop) for first, stop in pairwise(bounds)]
 
 
 def _between(one: Float32Array, other: Float32Array) -> Float32Array:
