@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from motionlake.arrays import Float64Array
 from motionlake.deep_motifs import word_sets
-from motionlake.deep_motifs.end_to_end import Stretches, end_to_end
+from motionlake.deep_motifs.end_to_end import Stretches, end_to_end, nearest_end_to_end
 from motionlake.deep_motifs.query_by_example import bags_of
 from motionlake.deep_motifs.word_sets import BLOCK, MOST, set_distances, set_matrix, spread
 from motionlake.motion.diffusion import JOINED, RESTART
@@ -117,6 +117,9 @@ def test_answers_lie_end_to_end(seed: int, clips: int, width: int, bar: bool) ->
     expected = by_definition(windows, lengths.tolist(), barred)
     assert [row[1:] for row in rows] == [row[1:] for row in expected]
     assert [row[0] for row in rows] == pytest.approx([row[0] for row in expected])
+    for k in (1, 2, len(rows), 99):
+        some = nearest_end_to_end(asked, lengths, k, barred)
+        assert [v.tolist() for v in vars(some).values()] == [v[:k].tolist() for v in vars(found).values()]
     if windows and not barred:  # nothing is left out but clips without windows
         assert sum(stop - start for _, _, start, stop in rows) == lengths.sum()
 

@@ -28,11 +28,31 @@ class Stretches:
         return Stretches(self.clip[order], self.start[order], self.stop[order], self.distance[order])
 
 
+def nearest_end_to_end(
+    windows: Stretches, lengths: Int64Array, k: int, barred: tuple[int, int, int] | None = None
+) -> Stretches:
+    """The first k answers of `end_to_end`.
+
+    A clip whose nearest window is farther than those of k others holds none of them, so others are not looked at.
+    """
+    least = np.full(len(lengths), np.inf)
+    np.minimum.at(least, windows.clip, windows.distance)
+    kept = np.isfinite(least)
+    if k < kept.sum():
+        kept &= least <= np.partition(least, k - 1)[k - 1]
+    clips, among = np.flatnonzero(kept), kept[windows.clip]
+    place = np.cumsum(kept) - 1
+    some = Stretches(place[windows.clip[among]], windows.start[among], windows.stop[among], windows.distance[among])
+    own = None if barred is None or not kept[barred[0]] else (int(place[barred[0]]), *barred[1:])
+    found = end_to_end(some, lengths[clips], own)
+    return Stretches(clips[found.clip[:k]], found.start[:k], found.stop[:k], found.distance[:k])
+
+
 def end_to_end(windows: Stretches, lengths: Int64Array, barred: tuple[int, int, int] | None = None) -> Stretches:
     """The answers among some windows, nearest first.
 
     Args:
-        windows: in any order; none of barred frames.
+        windows: in any order; none of barred frames, and none within another.
         lengths: [clips] frames of each clip.
         barred: (clip, start, stop) frames that no answer may share.
     """
@@ -48,8 +68,9 @@ def end_to_end(windows: Stretches, lengths: Int64Array, barred: tuple[int, int, 
     begins, ends, distances = (values[chosen] for values in (starts, stops, windows.distance))
     least = np.zeros(len(lengths), dtype=np.int64)
     np.maximum.at(least, windows.clip, (windows.stop - windows.start + 3) // 4)
-    begun, ended = (_summed(at, windows.distance) for at in (starts, stops))
-    found = _between(offsets, least, owner, begun, ended, begins, ends, distances)
+    order = np.argsort(starts, kind="stable")
+    over = starts[order], stops[order], windows.distance[order]
+    found = _between(offsets, least, owner, over, begins, ends, distances)
     begins, ends = (
         np.concatenate([own, gap.astype(np.int64)]) for own, gap in ((begins, found[:, 0]), (ends, found[:, 1]))
     )
@@ -60,12 +81,6 @@ def end_to_end(windows: Stretches, lengths: Int64Array, barred: tuple[int, int, 
 
 _NONE = -1
 _BARRED = -2
-
-
-def _summed(frames: Int64Array, values: Float64Array) -> tuple[Int64Array, Float64Array]:
-    """[n] frames at which windows begin, or have ended, in order; [n + 1] sums of the values of the first of them."""
-    order = np.argsort(frames, kind="stable")
-    return frames[order], np.concatenate([[0.0], np.cumsum(values[order])])
 
 
 @njit(cache=True)
@@ -86,8 +101,8 @@ def _apart(starts: Int64Array, stops: Int64Array, owner: Int64Array) -> Int64Arr
 
 @njit(cache=True)
 def _between(
-    offsets: Int64Array, least: Int64Array, owner: Int64Array, begun: tuple[Int64Array, Float64Array],
-    ended: tuple[Int64Array, Float64Array], begins: Int64Array, ends: Int64Array, distances: Float64Array,
+    offsets: Int64Array, least: Int64Array, owner: Int64Array, over: tuple[Int64Array, Int64Array, Float64Array],
+    begins: Int64Array, ends: Int64Array, distances: Float64Array,
 ) -> Float64Array:  # fmt: skip
     """Kernel: [g, 3] start, stop and distance of what is between answers and long enough; the rest lengthens them.
 
@@ -95,7 +110,7 @@ def _between(
         offsets: [clips + 1] of clips in the frames of all.
         least: [clips] frames of a quarter of a window.
         owner: [frames] answer that each is in.
-        begun, ended: distances of the windows, by the frames at which they begin and have ended (`_summed`).
+        over: [v] starts and stops of the windows, one after the other, and their distances.
         begins, ends, distances: [n] of the answers; lengthened here.
     """
     found = []
@@ -109,11 +124,11 @@ def _between(
             before = owner[first - 1] if first > offsets[clip] else _NONE
             after = owner[frame] if frame < end else _NONE
             if frame > first:
-                before_it = np.searchsorted(begun[0], middle, side="right")
-                no_more = np.searchsorted(ended[0], middle, side="right")
-                if frame - first >= least[clip] and before_it > no_more:
-                    mean = (begun[1][before_it] - ended[1][no_more]) / (before_it - no_more)
-                    found.append((float(first), float(frame), mean))
+                some = over[2][
+                    np.searchsorted(over[1], middle, side="right") : np.searchsorted(over[0], middle, side="right")
+                ]
+                if frame - first >= least[clip] and len(some):
+                    found.append((float(first), float(frame), some.mean()))
                 elif before >= 0 and (after < 0 or distances[before] >= distances[after]):
                     ends[before] = frame
                 elif after >= 0:

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import BoolArray, Float32Array, Float64Array, Int64Array
 from motionlake.deep_motifs.emd import emd_many
-from motionlake.deep_motifs.end_to_end import Stretches, end_to_end
+from motionlake.deep_motifs.end_to_end import Stretches, nearest_end_to_end
 from motionlake.deep_motifs.query_by_example import LEAST_WORDS, ExampleQuery, bags_of, signatures_of_bags
 from motionlake.deep_motifs.word_sets import set_distances, set_matrix, spread
 from motionlake.errors import DamagedError, UserError
@@ -135,10 +135,10 @@ class FusedRangeSearcher(LakeSearcher):
         if not len(windows.clip):
             return []
         found = Stretches(windows.clip, windows.start, windows.stop, self._distances(asked, windows))
-        answers = end_to_end(found, np.array([clip.frames for clip in corpus.clips]), barred)
+        answers = nearest_end_to_end(found, np.array([clip.frames for clip in corpus.clips]), k, barred)
         return [
             range_hit(corpus.clips[clip], start, stop, distance)
-            for clip, start, stop, distance in zip(*(v[:k].tolist() for v in vars(answers).values()), strict=True)
+            for clip, start, stop, distance in zip(*(v.tolist() for v in vars(answers).values()), strict=True)
         ]
 
     def _asked(self, query: Query, *, mirrored: bool) -> _Asked:
