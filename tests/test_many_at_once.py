@@ -249,6 +249,7 @@ def test_a_command_whose_work_is_done_is_not_said_to_be_killed(number: int) -> N
     code = (
         "import atexit, signal, sys, time\n"
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "signal.signal(signal.SIGHUP, signal.SIG_DFL)\n"  # as `nohup` would not have it
         "import motionlake.cli.main as cli\n"
         "cli.main = sys.exit\n"
         "atexit.register(lambda: (print('ends', flush=True), time.sleep(60)))\n"
