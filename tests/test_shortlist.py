@@ -33,6 +33,7 @@ from motionlake.retrieval.lake_shortlist import shortlist_of
 from motionlake.retrieval.matched import matched_moves
 from motionlake.retrieval.moves import MovesSearcher
 from motionlake.retrieval.protocol import LakeSearcher, Query, Scope
+from motionlake.retrieval.query_by_example import WordsSearcher
 from motionlake.retrieval.registry import searcher
 from motionlake.retrieval.shortlist import Most
 from motionlake.retrieval.shortlist_methods import METHODS, UNIT, ByMoves
@@ -48,7 +49,7 @@ from motionlake.threads import limited
 from tests.lakes import Changed, files, motionlake, query, quick_lake
 from tests.test_newer_models import newer
 
-MODULES = ("stages.graph", "stages.shortlist", "retrieval.fused", "retrieval.lake_shortlist")
+MODULES = ("stages.graph", "stages.shortlist", "retrieval.fused", "retrieval.fused_ranges", "retrieval.lake_shortlist")
 CHOOSING = ("stages.shortlist", "retrieval.lake_shortlist", "retrieval.descriptor")
 
 
@@ -255,7 +256,7 @@ def test_of_a_lake_of_middle_size_some_clips_are_chosen(middle: Path, monkeypatc
 
 
 def test_pieces_of_a_lake_of_middle_size_are_looked_for_in_all_clips(middle: Path) -> None:
-    """Its shortlist holds nothing of windows, postures and joints, and `find` does not ask it."""
+    """Its shortlist holds nothing of windows, postures and joints, and `find` asks it for words alone."""
     with middling():
         held = shortlist_of(open_lake(middle))
         assert held
@@ -263,6 +264,14 @@ def test_pieces_of_a_lake_of_middle_size_are_looked_for_in_all_clips(middle: Pat
         assert shortlist_of(open_lake(middle), "range") == []
         kinds = {name: type(searcher("range", name, open_lake(middle))).__name__ for name in ("alignment", "moves")}
     assert kinds == {"alignment": "AlignmentRangeSearcher", "moves": "MovesRangeSearcher"}
+    (clip, frames, fps), _ = longest(middle, 2)
+    asked = Query(clip, int(0.1 * fps), min(frames, int(1.4 * fps)))
+    for method in ("words", "fused"):
+        exact = searcher("range", method, open_lake(middle)).search([asked], 5)
+        with middling():
+            search = searcher("range", method, open_lake(middle))
+            assert method == "fused" or cast(WordsSearcher, search).large is not None
+            assert search.search([asked], 5) == exact
 
 
 def test_a_lake_grows_from_middle_size_to_large(middle: Path, tmp_path: Path, scheduler: str) -> None:

@@ -92,7 +92,9 @@ class FusedRangeSearcher(LakeSearcher):
     def __init__(self, lake: Lake) -> None:
         super().__init__(lake)
         self._words = WordsSearcher(lake)
-        self._large = self._words.large is not None or len(self._words.corpus.clips) > MOST
+        with reading(lake) as con:
+            (count,) = fetch(con, "count_clips")
+        self._large = count["clips"] > MOST
         if self._large:
             return
         self.corpus = self._words.corpus

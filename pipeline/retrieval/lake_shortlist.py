@@ -114,7 +114,7 @@ class LakeShortlist:
 def shortlist_of(lake: Lake, finds: Finds = "clip") -> list[str]:
     """The files of the shortlist by which a lake is searched for clips, or for ranges; none: without.
 
-    Clips are chosen by it in lakes of more than `WHOLE` clips, ranges in those of more than `MOST`.
+    In lakes of more than `WHOLE` clips, or of more than `MOST` where clips are chosen in which ranges are looked for.
     """
     with reading(lake) as con:
         (count,), files = fetch(con, "count_clips"), [row["file"] for row in fetch(con, "shortlist_files")]

@@ -26,8 +26,8 @@ from motionlake.threads import limited
 class WordsSearcher:
     """Ranges by the signatures of their words (Deep Motifs, section 6.1); a `Searcher`.
 
-    The query needs two words at least. A clip may have several answers, which do not overlap. A large lake is searched
-    in the words of its shortlist, where bounds rule most windows out (`deep_motifs.many_ranges`).
+    The query needs two words at least. A clip may have several answers, which do not overlap. A lake is searched in the
+    words of its shortlist, where it has one, where bounds rule most windows out (`deep_motifs.many_ranges`).
 
     Raises:
         UserError: the lake has no motifs yet, or a newer model than theirs.
@@ -39,14 +39,14 @@ class WordsSearcher:
     def __init__(self, lake: Lake) -> None:
         self.lake = lake
         check_served(lake, "signature")
-        files = shortlist_of(lake, "range")
+        files = shortlist_of(lake)
         self._large = LakeWords(lake, files) if files else None
         if self._large is None:
             self.corpus  # noqa: B018 - read now, as a searcher is
 
     @property
     def large(self) -> LakeWords | None:
-        """The words of the shortlist by which a large lake is searched."""
+        """The words of the shortlist by which the lake is searched."""
         return self._large
 
     @cached_property
