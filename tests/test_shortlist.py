@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import time
 from collections.abc import Collection, Container, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -43,7 +44,7 @@ from motionlake.stages.postures import codes_of_clips
 from motionlake.stages.reader import lake_reader
 from motionlake.stages.shortlist import COMPARED, SHORTLIST
 from motionlake.stages.shortlist_files import MOVES as PIECES
-from motionlake.stages.shortlist_files import ShortlistFiles, write_lists
+from motionlake.stages.shortlist_files import ShortlistFiles, mapped_array, write_lists
 from motionlake.threads import limited
 
 from tests.lakes import Changed, files, motionlake, query, quick_lake
@@ -571,6 +572,25 @@ def test_searches_at_once_answer_as_one_after_another(large: Path) -> None:
         assert not one.beside_others(other, scope)
     assert not one.beside_others(asked[0], Scope(mirrored=True))
     assert not FusedSearcher(open_lake(large)).beside_others(asked[0], scope), "searchers of small lakes remember"
+
+
+def test_arrays_are_opened_one_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    load, within, most = np.load, [0], [0]
+
+    def counted(*given: Any, **named: Any) -> Any:
+        within[0] += 1
+        most[0] = max(most[0], within[0])
+        time.sleep(0.01)
+        within[0] -= 1
+        return load(*given, **named)
+
+    paths = [tmp_path / f"{number}.npy" for number in range(8)]
+    for number, path in enumerate(paths):
+        np.save(path, np.full(3, number))
+    monkeypatch.setattr(np, "load", counted)
+    with ThreadPoolExecutor(4) as pool:
+        assert [array[0] for array in pool.map(mapped_array, paths)] == list(range(8))
+    assert most == [1]
 
 
 def test_what_is_alike_is_told(large: Path) -> None:

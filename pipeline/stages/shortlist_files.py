@@ -9,6 +9,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from threading import Lock
 from typing import Any, Final
 
 import numpy as np
@@ -116,6 +117,19 @@ def write_array(lake: Lake, key: str, name: str, values: NDArray[Any]) -> str:
     return file
 
 
+def mapped_array(path: Path) -> NDArray[Any]:
+    """An array of a file, mapped into memory; one thread at a time reads what kind it is.
+
+    NumPy has Python parse that, whose parser once failed among threads (SystemError).
+    """
+    with _parsing:
+        found: NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
+    return found
+
+
+_parsing: Final = Lock()
+
+
 def lists_named(name: str) -> tuple[str, str]:
     """The arrays that lists are kept in: values one after another, and where those of each clip begin."""
     return f"{name}-values", f"{name}-starts"
@@ -195,7 +209,7 @@ class ShortlistFiles:
         """
         if name not in self._arrays:
             (path,) = sound_files(self.lake, [self._named[name]])
-            self._arrays[name] = np.load(path, mmap_mode="r", allow_pickle=False)
+            self._arrays[name] = mapped_array(path)
         return self._arrays[name]
 
     @cached_property

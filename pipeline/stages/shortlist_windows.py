@@ -40,6 +40,7 @@ from motionlake.stages.shortlist_files import (
     Made,
     Places,
     is_of_windows,
+    mapped_array,
     read_clips,
     said_of,
     write_array,
@@ -107,7 +108,7 @@ class ShortlistWindows:
         clips = read_clips(lake, files)
         if said_of(clips).get(KIND) != kind:
             return None
-        mean, matrix, steps, places = map(_array, sound_files(lake, sorted(own, key=_order)))
+        mean, matrix, steps, places = map(mapped_array, sound_files(lake, sorted(own, key=_order)))
         starts = np.concatenate([[0], np.cumsum(numbers(clips[KIND]), dtype=np.int64)])
         rows = Pieces(lake, pieces, clips, PIECES)
         return ShortlistWindows(places, starts, Directions(mean, matrix), steps, clips, rows, pieces)
@@ -115,11 +116,6 @@ class ShortlistWindows:
 
 def _order(file: str) -> int:
     return next(i for i, end in enumerate(_ARRAYS) if file.endswith(f"-{end}.npy"))
-
-
-def _array(path: Path) -> NDArray[Any]:
-    found: NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
-    return found
 
 
 @dataclass(frozen=True)
