@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import time
-from collections.abc import Collection, Container, Iterator
+from collections.abc import Collection, Container, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
@@ -100,6 +100,12 @@ def both(root: Path, asked: Query, k: int, scope: Scope, *, explain: bool = Fals
     return ours, exact
 
 
+def held(answers: Iterable[tuple[list[Hit], list[Hit]]]) -> float:
+    """The mean share of exact answers that are answers by the shortlist."""
+    shares = [len({hit.clip for hit in ours} & {hit.clip for hit in exact}) / len(exact) for ours, exact in answers]
+    return float(np.mean(shares))
+
+
 def exactly(root: Path, *, explain: bool = False) -> FusedSearcher:
     lake = open_lake(root)
     methods = {name: cast(LakeSearcher, searcher("clip", name, lake)) for name in COMPARED}
@@ -146,11 +152,7 @@ def test_few_chosen_clips_hold_the_nearest(large: Path, monkeypatch: pytest.Monk
     monkeypatch.setattr("motionlake.retrieval.shortlist.LARGE", Most(12, 6))
     monkeypatch.setattr("motionlake.retrieval.shortlist_methods.UNIT", 12)
     monkeypatch.setattr("motionlake.retrieval.fused.REACH", 5)
-    found = []
-    for clip in some(large, 99):
-        ours, exact = both(large, Query(clip), 3, Scope())
-        found.append(len({hit.clip for hit in ours} & {hit.clip for hit in exact}) / 3)
-    assert np.mean(found) > 0.9
+    assert held(both(large, Query(clip), 3, Scope()) for clip in some(large, 99)) > 0.9
     with few():
         (hits,) = FusedSearcher(open_lake(large)).search([Query(some(large, 1)[0])], 1000)
     assert len(hits) > 12, "who asks for more gets more"
@@ -247,21 +249,19 @@ def test_of_a_lake_of_middle_size_some_clips_are_chosen(middle: Path, monkeypatc
     monkeypatch.setattr("motionlake.retrieval.shortlist.MIDDLE", Most(12, 6))
     monkeypatch.setattr("motionlake.retrieval.shortlist_methods.UNIT", 12)
     monkeypatch.setattr("motionlake.retrieval.fused.REACH", 8)
-    found = []
-    for clip in some(middle, 20):
-        (exact,) = FusedSearcher(open_lake(middle)).search([Query(clip)], 3)
-        with middling():
-            (ours,) = FusedSearcher(open_lake(middle)).search([Query(clip)], 3)
-        found.append(len({hit.clip for hit in ours} & {hit.clip for hit in exact}) / 3)
-    assert np.mean(found) > 0.8
+    asked = [Query(clip) for clip in some(middle, 20)]
+    exact = FusedSearcher(open_lake(middle)).search(asked, 3)
+    with middling():
+        ours = FusedSearcher(open_lake(middle)).search(asked, 3)
+    assert held(zip(ours, exact, strict=True)) > 0.8
 
 
 def test_pieces_of_a_lake_of_middle_size_are_looked_for_in_all_clips(middle: Path) -> None:
     """Its shortlist holds nothing of windows, postures and joints, and `find` asks it for words alone."""
     with middling():
-        held = shortlist_of(open_lake(middle))
-        assert held
-        assert not any("windows" in file or file.endswith((".codes", ".joints")) for file in held)
+        kept = shortlist_of(open_lake(middle))
+        assert kept
+        assert not any("windows" in file or file.endswith((".codes", ".joints")) for file in kept)
         assert shortlist_of(open_lake(middle), "range") == []
         kinds = {name: type(searcher("range", name, open_lake(middle))).__name__ for name in ("alignment", "moves")}
     assert kinds == {"alignment": "AlignmentRangeSearcher", "moves": "MovesRangeSearcher"}
@@ -474,8 +474,13 @@ def test_the_catalog_answers_the_first_queries_by_descriptor(large: Path, clips_
             DescriptorSearcher(lake).search([Query("clips/nobody.bvh")], 3)
 
 
-def test_every_clip_is_compared_where_that_is_asked_for(large: Path) -> None:
+def test_every_clip_is_compared_where_that_is_asked_for(large: Path, built_lake: Path) -> None:
     clip = some(large, 1)[0]
+    with (
+        few(),
+        pytest.raises(UserError, match="too large"),
+    ):  # without a shortlist too, where signatures alone are asked
+        FusedSearcher(open_lake(built_lake), exact=True)
     asked = ("--method", "alignment", "--exact", "--lake", large, "--json")
     with few():
         run = motionlake("search", clip, *asked)

@@ -235,12 +235,10 @@ class FusedSearcher(LakeSearcher):
 def _cascade(lake: Lake, *, exact: bool) -> Cascade | None:
     from motionlake.retrieval.lake_shortlist import LakeShortlist, shortlist_of
 
-    files = shortlist_of(lake)
+    if exact and _clips(lake) > MOST:
+        raise UserError(f"{lake.root}: is too large for --exact by all methods together; give one with --method")
+    files = [] if exact else shortlist_of(lake)
     if not files:
-        return None
-    if exact:
-        if _clips(lake) > MOST:
-            raise UserError(f"{lake.root}: is too large for --exact by all methods together; give one with --method")
         return None
 
     with ThreadPoolExecutor(1) as pool:
