@@ -138,10 +138,15 @@ def in_child(module: str, words: Sequence[str]) -> dict[str, Any]:
     """What a module prints as JSON in a process of its own."""
     done = subprocess.run(
         [sys.executable, "-m", module, *words], stdout=subprocess.PIPE, text=True, check=True,
-        cwd=CHECKOUT, env=os.environ | {"PYTHONPATH": str(CHECKOUT)},
+        cwd=CHECKOUT, env=os.environ | {"PYTHONPATH": os.pathsep.join([str(CHECKOUT), *_given_paths()])},
     )  # fmt: skip
     found: dict[str, Any] = json.loads(done.stdout)
     return found
+
+
+def _given_paths() -> list[str]:
+    """Where this process looks for modules first: a child that looked elsewhere would measure other code."""
+    return [path for path in os.environ.get("PYTHONPATH", "").split(os.pathsep) if path]
 
 
 def warm(lake: Lake, asked: Sequence[str]) -> dict[str, Any]:
