@@ -3,7 +3,7 @@
 `python -m bench.scale_methods FOLDER` takes the lake in FOLDER/lake that `bench.whole_lake` or `bench.scale_search`
 left. For each way to find clips, and pieces of two seconds inside clips, a process of its own asks for drawn clips one
 after the other; then commands in new processes ask once each, with the lake's files in the page cache and without them.
-Where to compare every clip takes no hours, the answers are also set beside those of doing so.
+The answers of methods that choose clips are also set beside those of comparing every clip, for some queries.
 """
 
 from __future__ import annotations
@@ -36,7 +36,11 @@ K: Final = 10
 READ: Final = 1 << 22  # bytes
 LONGER: Final = 1.0  # seconds that a clip lasts more than a piece
 BARS: Final = {"warm_ms": 100.0, "cold_seconds": 3.0}
-QUICK: Final[dict[Finds, tuple[str, ...]]] = {"clip": ("signature", "alignment", "moves"), "range": ("submotion",)}
+RECALLED: Final[dict[Finds, dict[str, int]]] = {  # for how many queries; to compare every clip by moves takes a minute
+    "clip": {"signature": QUERIES, "alignment": QUERIES, "moves": QUERIES},
+    "range": {"alignment": QUERIES, "submotion": QUERIES, "moves": 8},
+}
+AS_NEAR: Final = 1e-6  # of a distance: what rounding may make of it
 COMMAND_OF: Final[dict[Finds, str]] = {"clip": "search", "range": "find"}
 
 
@@ -104,7 +108,14 @@ def warm(lake: Lake, finds: Finds, name: str, asked: Sequence[Query]) -> dict[st
         "warm_ms": {"median": float(np.median(spent)), "95": float(np.quantile(spent, 0.95)), "least": min(spent)},
         "refused": refused,
         "peak_mib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
-    } | ({"recall": recall(searcher(finds, name, lake, exact=True), answered)} if name in QUICK[finds] else {})
+    } | (_recalled(lake, finds, name, dict([*answered.items()][: RECALLED[finds].get(name, 0)])))
+
+
+def _recalled(lake: Lake, finds: Finds, name: str, answered: Mapping[Query, Sequence[Hit]]) -> dict[str, Any]:
+    if not answered:
+        return {}
+    exact = searcher(finds, name, lake, exact=True)
+    return {"recalled": len(answered), "recall": (recall if finds == "clip" else recall_of_ranges)(exact, answered)}
 
 
 def recall(exact: Searcher, answered: Mapping[Query, Sequence[Hit]]) -> float:
@@ -115,6 +126,18 @@ def recall(exact: Searcher, answered: Mapping[Query, Sequence[Hit]]) -> float:
         clips = {hit.clip for hit in wanted}
         if clips:
             shares.append(len(clips & {hit.clip for hit in hits}) / len(clips))
+    return float(np.mean(shares))
+
+
+def recall_of_ranges(exact: Searcher, answered: Mapping[Query, Sequence[Hit]]) -> float:
+    """The mean share of the ranges that an exact search answers with in whose place are answers that are as near: of
+    many ranges that are equally near, one is as good as another."""
+    shares = []
+    for query, hits in answered.items():
+        (wanted,) = exact.search([query], K)
+        if wanted:
+            limit = wanted[-1].distance * (1 + AS_NEAR) + AS_NEAR
+            shares.append(sum(hit.distance <= limit for hit in hits) / len(wanted))
     return float(np.mean(shares))
 
 

@@ -38,6 +38,8 @@ from motionlake.retrieval.query_by_example import WordsSearcher
 from motionlake.retrieval.registry import searcher
 from motionlake.retrieval.shortlist import Most
 from motionlake.retrieval.shortlist_methods import METHODS, UNIT, ByMoves
+from motionlake.retrieval.submotion_search import SubmotionSearcher
+from motionlake.retrieval.window_shortlist import WindowShortlist
 from motionlake.stages import shortlist_moves
 from motionlake.stages.moves import read_tracks
 from motionlake.stages.postures import codes_of_clips
@@ -311,7 +313,7 @@ def longest(root: Path, count: int) -> list[tuple[str, int, float]]:
     return query(root, f"{text} WHERE len(symbols) > 3 ORDER BY frames / fps DESC, clip LIMIT {count:d}")
 
 
-def by_words(lake: Path, method: str, asked: Query, scope: Scope, k: int = 5) -> tuple[list[Hit], list[Hit]]:
+def of_some_and_all(lake: Path, method: str, asked: Query, scope: Scope, k: int = 5) -> tuple[list[Hit], list[Hit]]:
     """Answers inside clips of a large lake, and those of comparing it whole."""
     with few():
         (ours,) = searcher("range", method, open_lake(lake)).search([asked], k, scope)
@@ -367,7 +369,7 @@ def test_answers_are_told_by_the_shortlist(
     assert_rows_are_those_of_parts(large)
     ((clip, frames, fps),) = longest(large, 1)
     asked = Query(clip, 0, min(frames, int(1.5 * fps)))
-    (wanted, _) = by_words(large, method, asked, Scope())
+    (wanted, _) = of_some_and_all(large, method, asked, Scope())
     monkeypatch.setattr(f"motionlake.{read}", None)
     with few():
         assert searcher("range", method, open_lake(large)).search([asked], 5) == [wanted]
@@ -380,26 +382,28 @@ def test_a_shortlist_without_rows_of_parts_serves_too(
     """An earlier version made it: postures and joints are read from parts."""
     ((clip, frames, fps),) = longest(large, 1)
     asked, own = Query(clip, 0, min(frames, int(1.5 * fps))), ShortlistFiles.open
-    (wanted, _) = by_words(large, method, asked, Scope())
+    (wanted, _) = of_some_and_all(large, method, asked, Scope())
 
     def without(lake: Lake, *given: Any) -> ShortlistFiles:
         opened = own(lake, *given)
         return replace(opened, table=opened.table.drop_columns(["postures_piece", "joints_piece"]))
 
     monkeypatch.setattr(ShortlistFiles, "open", staticmethod(without))
-    assert by_words(large, method, asked, Scope())[0] == wanted
+    assert of_some_and_all(large, method, asked, Scope())[0] == wanted
 
 
 @pytest.mark.parametrize("method", ["alignment", "moves"])
-def test_pieces_in_the_clips_that_words_find_near(large: Path, method: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pieces_in_the_clips_that_hold_what_is_like_them(
+    large: Path, method: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Of all clips the answers are those of comparing the lake; of a few, answers are of these and of the query's."""
     ((clip, frames, fps),) = longest(large, 1)
     asked = Query(clip, 0, min(frames, int(1.5 * fps)))
     for scope in (Scope(), Scope(own=True), Scope(mirrored=True), Scope(split="train")):
-        ours, exact = by_words(large, method, asked, scope)
+        ours, exact = of_some_and_all(large, method, asked, scope)
         assert ours == exact
     monkeypatch.setitem(narrowed.CLIPS, method, 3)
-    ours, _ = by_words(large, method, asked, Scope(own=True), 3)
+    ours, _ = of_some_and_all(large, method, asked, Scope(own=True), 3)
     nearest = {hit.clip for hit in ours if hit.distance == ours[0].distance}
     assert clip in nearest, "beside others where made clips have the same symbols"
     assert len({hit.clip for hit in ours}) <= 4
@@ -410,7 +414,29 @@ def test_pieces_in_the_clips_that_words_find_near(large: Path, method: str, monk
         assert near.shape == (1, 2)
         assert near[0, 0] == pytest.approx(0, abs=1e-4)
         with pytest.raises(UserError, match=r"too short|at least"):
-            by.search([Query(clip, 0, int(0.4 * fps))], 3)
+            by.search([Query(clip, 0, int(0.25 * fps))], 3)
+
+
+def test_windows_tell_in_which_clips_moves_are_looked_for(large: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also for a piece that has no two words; without windows in the shortlist words tell."""
+    ((clip, _, fps),) = longest(large, 1)
+    short, asked = Query(clip, 0, int(0.45 * fps)), Query(clip, 0, int(1.5 * fps))
+    ours, exact = of_some_and_all(large, "moves", short, Scope())
+    assert ours == exact
+    with few():
+        by = searcher("range", "moves", open_lake(large))
+        submotion = searcher("range", "submotion", open_lake(large))
+    assert isinstance(submotion, SubmotionSearcher)
+    monkeypatch.setitem(narrowed.CLIPS, "moves", 8)
+    ((hits,), (wanted,)) = (each.search([asked], 8, Scope(own=True)) for each in (by, submotion))
+    assert len(hits) > 1, "clips that are shorter than the piece are no answers by moves"
+    assert {hit.clip for hit in hits} <= {hit.clip for hit in wanted}
+    monkeypatch.setattr(WindowShortlist, "open", lambda *_: None)
+    with few():
+        by = searcher("range", "moves", open_lake(large))
+        assert by.search([asked], 4, Scope(own=True))[0][0].clip == clip
+        with pytest.raises(UserError, match="at least"):
+            by.search([short], 3)
 
 
 @pytest.mark.parametrize("method", ["signature", "alignment", "moves"])

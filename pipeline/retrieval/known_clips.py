@@ -34,7 +34,8 @@ class KnownClips:
 
     def facts_of(self, entries: Int64Array) -> list[CorpusClip]:
         """The same of the clips of some rows."""
-        return [CorpusClip(**row) for row in self.table.select(_FACTS).take(column_of(entries)).to_pylist()]
+        found = self.table.select(_FACTS).take(column_of(entries))
+        return [CorpusClip(*each) for each in zip(*(column.to_pylist() for column in found.columns), strict=True)]
 
     def parts_of(self, entries: Int64Array) -> dict[str, str]:
         """By name, the frames part that holds each of the clips of some rows."""

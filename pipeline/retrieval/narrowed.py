@@ -1,4 +1,8 @@
-"""Pieces in a large lake by methods that would compare it whole: in the clips whose words are most like the piece's."""
+"""Pieces in a large lake by methods that would compare it whole: in clips that hold what is most like the piece.
+
+For moves the windows of the sub-motion encoder tell which these are, for alignment words; docs/search.md says how much
+of the answers they hold.
+"""
 
 from __future__ import annotations
 
@@ -19,21 +23,22 @@ if TYPE_CHECKING:
     from motionlake.pesta.strings import SymbolDistances
     from motionlake.retrieval.alignment import AlignmentRangeSearcher
     from motionlake.retrieval.moves import MovesRangeSearcher
+    from motionlake.retrieval.submotion_search import SubmotionSearcher
     from motionlake.stages.moves import Tracks
 
-CLIPS: Final = {"alignment": 300, "moves": 64}  # that are compared
+CLIPS: Final = {"alignment": 1500, "moves": 100}  # that are compared
 
 
 class NarrowedSearcher(LakeSearcher):
-    """Ranges by alignment or moves in the clips that words find near; a `Searcher`.
+    """Ranges by alignment or moves in the clips that hold windows, or words, most like the piece; a `Searcher`.
 
-    `registry.searcher` compares every clip by `exact`. What is no answer by words cannot be one here, and a piece must
-    have two words.
+    `registry.searcher` compares every clip by `exact`. What words choose from must have two of them.
 
     Args:
         lake: a lake with a shortlist.
         name: of the method.
         every: makes the searcher that compares every clip, which tells distances.
+        windows: finds windows like a piece, by which clips are chosen where the shortlist has them; by words else.
 
     Raises:
         UserError, DamagedError: as `WordsSearcher`.
@@ -41,18 +46,26 @@ class NarrowedSearcher(LakeSearcher):
 
     finds: Finds = "range"
 
-    def __init__(self, lake: Lake, name: str, every: Callable[[], Searcher]) -> None:
+    def __init__(
+        self, lake: Lake, name: str, every: Callable[[], Searcher], windows: SubmotionSearcher | None = None
+    ) -> None:
         super().__init__(lake)
-        self.name, self._words, self._make_every = name, WordsSearcher(lake), every
-        assert self._words.large is not None
-        self._clips = self._words.large.clips
+        self.name, self._make_every = name, every
+        self._chooser: SubmotionSearcher | WordsSearcher
+        if windows is not None and windows.shortlist is not None:
+            self._chooser, self._clips = windows, windows.shortlist.clips
+        else:
+            self._chooser = words = WordsSearcher(lake)
+            assert words.large is not None
+            self._clips = words.large.clips
         self.several = name == "alignment"  # by moves each clip is an answer once
 
     def nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
         return [self._answers(query, k, scope, mirrored=mirrored) for query in queries]
 
     def _answers(self, query: Query, k: int, scope: Scope, *, mirrored: bool) -> list[Hit]:
-        rows = self._words.rows_near(query, max(k, CLIPS[self.name]), scope, mirrored=mirrored)
+        near = self._chooser.rows_near(query, max(k, CLIPS[self.name]), scope, mirrored=mirrored)
+        rows = np.unique(near if query.clip is None else np.append(near, self._clips.row(query.clip)))
         found: list[Hit] = self._among(rows).nearest([query], k, scope, mirrored=mirrored)[0]
         return found
 

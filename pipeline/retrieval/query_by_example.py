@@ -98,15 +98,13 @@ class WordsSearcher:
         ]
 
     def rows_near(self, query: Query, count: int, scope: Scope, *, mirrored: bool) -> Int64Array:
-        """The rows, in order, of so many clips of a large lake that hold what is likely to be most like a query, and
-        of its own.
+        """The rows of so many clips of a large lake that hold what is likely to be most like a query.
 
         Raises:
             UserError: as `search`.
         """
         assert self._large is not None
-        near = self._large.rows_near(ExampleQuery(self._motifs(query, mirrored=mirrored)), count, scope)
-        return np.unique(near if query.clip is None else np.append(near, self._large.row(query.clip)))
+        return self._large.rows_near(ExampleQuery(self._motifs(query, mirrored=mirrored)), count, scope)
 
     def _example(self, query: Query, scope: Scope) -> ExampleQuery:
         return ExampleQuery(self._motifs(query), self._motifs(query, mirrored=True) if scope.mirrored else None)

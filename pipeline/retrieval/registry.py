@@ -79,13 +79,16 @@ def _of_some_clips(finds: Finds, name: str, lake: Lake, files: list[str]) -> Sea
         from motionlake.retrieval.chosen import ChosenSearcher
 
         return ChosenSearcher(lake, name, files, every)
-    if name == "submotion":
+    windows = None
+    if name == "submotion" or (name == "moves" and "submotion" in ready(lake, finds)):
         from motionlake.retrieval.submotion_search import SubmotionSearcher
 
-        return SubmotionSearcher(lake, files)
+        windows = SubmotionSearcher(lake, files)
+        if name == "submotion":
+            return windows
     from motionlake.retrieval.narrowed import NarrowedSearcher
 
-    return NarrowedSearcher(lake, name, every)
+    return NarrowedSearcher(lake, name, every, windows)
 
 
 def _shortlist(lake: Lake, finds: Finds) -> list[str]:

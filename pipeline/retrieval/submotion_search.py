@@ -12,7 +12,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from motionlake.arrays import Float32Array, Float64Array
+from motionlake.arrays import Float32Array, Float64Array, Int64Array
 from motionlake.deep_motifs.signatures import CorpusClip
 from motionlake.deephums.config import SHORTEST
 from motionlake.deephums.sequence import FPS, clip_sequence, frames_of, in_sequence, piece_windows
@@ -62,6 +62,9 @@ class SubmotionSearcher(LakeSearcher):
         lake: the lake.
         shortlist: the files of its shortlist, by whose windows clips are chosen; none: all windows are compared.
 
+    Attributes:
+        shortlist: the windows of these files, where there are any of the encoder that the lake serves.
+
     The distance is that of the query from the nearest window of the clip, as the encoder sees them; `cost` is that of
     aligning the query with the frames found, a matched pair of frames of words.
 
@@ -80,7 +83,8 @@ class SubmotionSearcher(LakeSearcher):
         if served is None:
             raise UserError(f"{lake.root}: has no windows to find pieces in yet; make them with `motionlake run all`")
         self._file, self._words = served.file, served_config(lake).words
-        self._scan = _opened(lake, shortlist)
+        self.shortlist = None if not shortlist else _of_shortlist(lake, shortlist)
+        self._scan = self.shortlist or _codes_of(lake)
 
     def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
         known = [self._windows(query) for query in gallery]
@@ -122,6 +126,16 @@ class SubmotionSearcher(LakeSearcher):
         asked = {**scope.as_parameters(con), **without, "descriptor": descriptor.tolist(), "k": k}
         return fetch(con, "clips_holding", asked)
 
+    def rows_near(self, query: Query, count: int, scope: Scope, *, mirrored: bool) -> Int64Array:
+        """The rows in the shortlist of so many clips that hold the windows nearest to a query, as its numbers tell.
+
+        Raises:
+            UserError: as `search`.
+        """
+        assert self.shortlist is not None
+        (descriptor,) = self._network.embed([self._piece(query, mirrored=mirrored).sequence])
+        return self.shortlist.rows_near(descriptor, count, scope)
+
     def _piece(self, query: Query, *, own: bool = True, mirrored: bool = False) -> Piece:
         motion = query_motion(self.lake, query, mirrored=mirrored, rotations=self._words.reads_rotations)
         barred = None if own or query.clip is None else (query.clip, *motion.asked)
@@ -142,18 +156,18 @@ class SubmotionSearcher(LakeSearcher):
         return load_encoder(sound(self.lake, self._file))
 
 
-def _opened(lake: Lake, shortlist: Sequence[str]) -> WindowScan | WindowShortlist | None:
-    """The windows of a shortlist, or the codes of all, which lakes of some size have."""
-    if shortlist:
-        from motionlake.retrieval.window_shortlist import WindowShortlist
+def _of_shortlist(lake: Lake, files: Sequence[str]) -> WindowShortlist | None:
+    from motionlake.retrieval.window_shortlist import WindowShortlist  # kernels take a moment to import
 
-        found = WindowShortlist.open(lake, shortlist)
-        if found is not None:
-            return found
+    return WindowShortlist.open(lake, files)
+
+
+def _codes_of(lake: Lake) -> WindowScan | None:
+    """The codes of all windows, which lakes of some size have."""
     with reading(lake) as con:
         if not fetch(con, "stage_has_made", {"stage": WINDOWS.name})[0]["made"]:
             return None
-        from motionlake.retrieval.window_scan import WindowScan  # kernels take a moment to import
+        from motionlake.retrieval.window_scan import WindowScan
 
         return WindowScan.open(lake, con)
 

@@ -22,6 +22,7 @@ from motionlake.retrieval.protocol import Scope
 from motionlake.retrieval.window_vectors import nearest_among
 from motionlake.stages.mapped_part import lists_of
 from motionlake.stages.shortlist_files import CLIPS
+from motionlake.stages.shortlist_files import PIECES as ROWS
 from motionlake.stages.shortlist_windows import PIECES, ShortlistWindows, kind_of
 from motionlake.threads import in_threads
 from numpy.typing import NDArray
@@ -39,18 +40,21 @@ class WindowShortlist:
         files: of its shortlist.
         windows: of these files.
 
+    Attributes:
+        clips: those of the shortlist.
+
     Raises:
         UserError, DamagedError: as `LakeShortlist`.
     """
 
     def __init__(self, lake: Lake, files: Sequence[str], windows: ShortlistWindows) -> None:
         self.lake, self._windows = lake, windows
-        self._clips = LakeShortlist(lake, [file for file in files if file.endswith(CLIPS)])
+        self.clips = LakeShortlist(lake, [file for file in files if file.endswith((CLIPS, *ROWS))])
 
     @property
     def known(self) -> KnownClips:
         """What the catalog says of the clips."""
-        return self._clips.known
+        return self.clips.known
 
     @staticmethod
     def open(lake: Lake, files: Sequence[str]) -> WindowShortlist | None:
@@ -68,11 +72,14 @@ class WindowShortlist:
         self, con: Connection, descriptor: Float32Array, k: int, scope: Scope, without: Mapping[str, Any]
     ) -> list[dict[str, Any]]:
         """As `WindowScan.holding`, but for clips that are nearer than their numbers tell."""
-        apart = self._apart(descriptor) - self._clips.admits(scope.clips)
-        near = _least(apart, max(NEAR, k + SPARE))
+        near = self.rows_near(descriptor, max(NEAR, k + SPARE), scope)
         held = self._windows.rows.of(near)
         exact = np.array([_nearest(windows["vector"], descriptor) for windows in held], dtype=np.float32)
         return nearest_among(con, self.known, self._rows(near[_least(exact, k + SPARE)]), descriptor, k, without)
+
+    def rows_near(self, descriptor: Float32Array, count: int, scope: Scope) -> Int64Array:
+        """The rows, in order, of so many clips whose windows are nearest to a descriptor [512] by their numbers."""
+        return _least(self._apart(descriptor) - self.clips.admits(scope.clips), count)
 
     def _rows(self, clips: Int64Array) -> pa.Table:
         """The windows of some clips, by row, with vectors in single precision."""
