@@ -770,6 +770,10 @@ def test_a_shortlist_of_moves_of_another_kind_is_refused_and_made_again(
     assert due() == 1
     with few(), pytest.raises(UserError, match="run shortlist"):
         FusedSearcher(lake)
+    with few(), pytest.raises(UserError, match="run shortlist"):
+        searcher("range", "moves", lake)
+    with few():
+        assert isinstance(searcher("range", "submotion", lake), SubmotionSearcher), "which compares no moves"
 
 
 @pytest.mark.parametrize("kind", ["motifs", "postures"])

@@ -15,6 +15,7 @@ from motionlake.arrays import Float64Array, Int32Array, Int64Array
 from motionlake.lake.catalog import reading
 from motionlake.lake.layout import Lake
 from motionlake.retrieval.hits import Hit
+from motionlake.retrieval.lake_shortlist import LakeShortlist
 from motionlake.retrieval.protocol import Finds, LakeSearcher, Query, Scope, Searcher
 from motionlake.retrieval.query_by_example import WordsSearcher
 
@@ -37,8 +38,9 @@ class NarrowedSearcher(LakeSearcher):
     Args:
         lake: a lake with a shortlist.
         name: of the method.
+        files: of the shortlist.
         every: makes the searcher that compares every clip, which tells distances.
-        windows: finds windows like a piece, by which clips are chosen where the shortlist has them; by words else.
+        by_windows: whether windows of the encoder choose clips, where the shortlist has them; else words do.
 
     Raises:
         UserError, DamagedError: as `WordsSearcher`.
@@ -47,17 +49,13 @@ class NarrowedSearcher(LakeSearcher):
     finds: Finds = "range"
 
     def __init__(
-        self, lake: Lake, name: str, every: Callable[[], Searcher], windows: SubmotionSearcher | None = None
+        self, lake: Lake, name: str, files: Sequence[str], every: Callable[[], Searcher], *, by_windows: bool
     ) -> None:
         super().__init__(lake)
         self.name, self._make_every = name, every
-        self._chooser: SubmotionSearcher | WordsSearcher
-        if windows is not None and windows.shortlist is not None:
-            self._chooser, self._clips = windows, windows.shortlist.clips
-        else:
-            self._chooser = words = WordsSearcher(lake)
-            assert words.large is not None
-            self._clips = words.large.clips
+        chosen_by = (_windows_of(lake, files) if by_windows else None) or _words_of(lake)
+        self._chooser: SubmotionSearcher | WordsSearcher = chosen_by[0]
+        self._clips = chosen_by[1]
         self.several = name == "alignment"  # by moves each clip is an answer once
 
     def nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
@@ -122,3 +120,17 @@ class NarrowedSearcher(LakeSearcher):
     @cached_property
     def _every(self) -> Searcher:
         return self._make_every()
+
+
+def _windows_of(lake: Lake, files: Sequence[str]) -> tuple[SubmotionSearcher, LakeShortlist] | None:
+    from motionlake.retrieval.submotion_search import SubmotionSearcher
+
+    clips = LakeShortlist(lake, files)
+    windows = SubmotionSearcher(lake, files, clips)
+    return None if windows.shortlist is None else (windows, clips)
+
+
+def _words_of(lake: Lake) -> tuple[WordsSearcher, LakeShortlist]:
+    words = WordsSearcher(lake)
+    assert words.large is not None
+    return words, words.large.clips

@@ -79,16 +79,14 @@ def _of_some_clips(finds: Finds, name: str, lake: Lake, files: list[str]) -> Sea
         from motionlake.retrieval.chosen import ChosenSearcher
 
         return ChosenSearcher(lake, name, files, every)
-    windows = None
-    if name == "submotion" or (name == "moves" and "submotion" in ready(lake, finds)):
+    if name == "submotion":
         from motionlake.retrieval.submotion_search import SubmotionSearcher
 
-        windows = SubmotionSearcher(lake, files)
-        if name == "submotion":
-            return windows
+        return SubmotionSearcher(lake, files)
     from motionlake.retrieval.narrowed import NarrowedSearcher
 
-    return NarrowedSearcher(lake, name, every, windows)
+    by_windows = name == "moves" and "submotion" in ready(lake, finds)
+    return NarrowedSearcher(lake, name, files, every, by_windows=by_windows)
 
 
 def _shortlist(lake: Lake, finds: Finds) -> list[str]:

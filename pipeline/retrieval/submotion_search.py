@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from motionlake.deephums.submotion_encoder import SubmotionEncoder
+    from motionlake.retrieval.lake_shortlist import LakeShortlist
     from motionlake.retrieval.window_scan import WindowScan
     from motionlake.retrieval.window_shortlist import WindowShortlist
 
@@ -61,6 +62,7 @@ class SubmotionSearcher(LakeSearcher):
     Args:
         lake: the lake.
         shortlist: the files of its shortlist, by whose windows clips are chosen; none: all windows are compared.
+        clips: of these files, where they have been read already.
 
     Attributes:
         shortlist: the windows of these files, where there are any of the encoder that the lake serves.
@@ -76,14 +78,14 @@ class SubmotionSearcher(LakeSearcher):
     compares = ("submotion",)
     finds: Finds = "range"
 
-    def __init__(self, lake: Lake, shortlist: Sequence[str] = ()) -> None:
+    def __init__(self, lake: Lake, shortlist: Sequence[str] = (), clips: LakeShortlist | None = None) -> None:
         super().__init__(lake)
         with reading(lake) as con:
             served = SUBMOTIONS.served(con)
         if served is None:
             raise UserError(f"{lake.root}: has no windows to find pieces in yet; make them with `motionlake run all`")
         self._file, self._words = served.file, served_config(lake).words
-        self.shortlist = None if not shortlist else _of_shortlist(lake, shortlist)
+        self.shortlist = _of_shortlist(lake, shortlist, clips) if shortlist else None
         self._scan = self.shortlist or _codes_of(lake)
 
     def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
@@ -156,10 +158,10 @@ class SubmotionSearcher(LakeSearcher):
         return load_encoder(sound(self.lake, self._file))
 
 
-def _of_shortlist(lake: Lake, files: Sequence[str]) -> WindowShortlist | None:
+def _of_shortlist(lake: Lake, files: Sequence[str], clips: LakeShortlist | None) -> WindowShortlist | None:
     from motionlake.retrieval.window_shortlist import WindowShortlist  # kernels take a moment to import
 
-    return WindowShortlist.open(lake, files)
+    return WindowShortlist.open(lake, files, clips)
 
 
 def _codes_of(lake: Lake) -> WindowScan | None:

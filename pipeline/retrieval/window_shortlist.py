@@ -22,7 +22,6 @@ from motionlake.retrieval.protocol import Scope
 from motionlake.retrieval.window_vectors import nearest_among
 from motionlake.stages.mapped_part import lists_of
 from motionlake.stages.shortlist_files import CLIPS
-from motionlake.stages.shortlist_files import PIECES as ROWS
 from motionlake.stages.shortlist_windows import PIECES, ShortlistWindows, kind_of
 from motionlake.threads import in_threads
 from numpy.typing import NDArray
@@ -36,37 +35,36 @@ class WindowShortlist:
     """The windows of a lake's shortlist; as `WindowScan`.
 
     Args:
-        lake: the lake.
-        files: of its shortlist.
-        windows: of these files.
-
-    Attributes:
-        clips: those of the shortlist.
-
-    Raises:
-        UserError, DamagedError: as `LakeShortlist`.
+        clips: of a shortlist.
+        windows: of its files.
     """
 
-    def __init__(self, lake: Lake, files: Sequence[str], windows: ShortlistWindows) -> None:
-        self.lake, self._windows = lake, windows
-        self.clips = LakeShortlist(lake, [file for file in files if file.endswith((CLIPS, *ROWS))])
+    def __init__(self, clips: LakeShortlist, windows: ShortlistWindows) -> None:
+        self._clips, self._windows = clips, windows
 
     @property
     def known(self) -> KnownClips:
         """What the catalog says of the clips."""
-        return self.clips.known
+        return self._clips.known
 
     @staticmethod
-    def open(lake: Lake, files: Sequence[str]) -> WindowShortlist | None:
+    def open(lake: Lake, files: Sequence[str], clips: LakeShortlist | None = None) -> WindowShortlist | None:
         """None where the shortlist has no windows of the encoder that the lake serves.
 
+        Args:
+            lake: the lake.
+            files: of its shortlist.
+            clips: of these files; read where they are not given, whatever motifs, postures or moves they are of.
+
         Raises:
-            UserError, DamagedError: as `WindowShortlist`.
+            UserError, DamagedError: as `LakeShortlist`.
         """
         with reading(lake) as con:
             kind = kind_of(con)
         windows = ShortlistWindows.open(lake, files, kind)
-        return None if windows is None else WindowShortlist(lake, files, windows)
+        if windows is None:
+            return None
+        return WindowShortlist(clips or LakeShortlist(lake, [file for file in files if file.endswith(CLIPS)]), windows)
 
     def holding(
         self, con: Connection, descriptor: Float32Array, k: int, scope: Scope, without: Mapping[str, Any]
@@ -79,7 +77,7 @@ class WindowShortlist:
 
     def rows_near(self, descriptor: Float32Array, count: int, scope: Scope) -> Int64Array:
         """The rows, in order, of so many clips whose windows are nearest to a descriptor [512] by their numbers."""
-        return _least(self._apart(descriptor) - self.clips.admits(scope.clips), count)
+        return _least(self._apart(descriptor) - self._clips.admits(scope.clips), count)
 
     def _rows(self, clips: Int64Array) -> pa.Table:
         """The windows of some clips, by row, with vectors in single precision."""
