@@ -36,10 +36,10 @@ K: Final = 10
 READ: Final = 1 << 22  # bytes
 LONGER: Final = 1.0  # seconds that a clip lasts more than a piece
 BARS: Final = {"warm_ms": 100.0, "cold_seconds": 3.0}
-RECALLED: Final[dict[Finds, dict[str, int]]] = {  # for how many queries; to compare every clip by moves takes a minute
-    "clip": {"signature": QUERIES, "alignment": QUERIES, "moves": QUERIES},
-    "range": {"alignment": QUERIES, "submotion": QUERIES, "moves": 8},
-}
+RECALLED: Final[dict[Finds, tuple[str, ...]]] = {  # methods that choose clips
+    "clip": ("signature", "alignment", "moves"), "range": ("alignment", "submotion", "moves"),
+}  # fmt: skip
+FEWER: Final[dict[tuple[Finds, str], int]] = {("range", "moves"): 8}  # queries: to compare every clip takes long
 AS_NEAR: Final = 1e-6  # of a distance: what rounding may make of it
 COMMAND_OF: Final[dict[Finds, str]] = {"clip": "search", "range": "find"}
 
@@ -108,14 +108,14 @@ def warm(lake: Lake, finds: Finds, name: str, asked: Sequence[Query]) -> dict[st
         "warm_ms": {"median": float(np.median(spent)), "95": float(np.quantile(spent, 0.95)), "least": min(spent)},
         "refused": refused,
         "peak_mib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
-    } | (_recalled(lake, finds, name, dict([*answered.items()][: RECALLED[finds].get(name, 0)])))
+    } | (_recalled(lake, finds, name, answered) if name in RECALLED[finds] else {})
 
 
 def _recalled(lake: Lake, finds: Finds, name: str, answered: Mapping[Query, Sequence[Hit]]) -> dict[str, Any]:
-    if not answered:
-        return {}
+    asked = [*answered][: FEWER.get((finds, name), len(answered))]
+    share = recall_of_ranges if (finds, name) == ("range", "alignment") else recall
     exact = searcher(finds, name, lake, exact=True)
-    return {"recalled": len(answered), "recall": (recall if finds == "clip" else recall_of_ranges)(exact, answered)}
+    return {"recalled": len(asked), "recall": share(exact, {query: answered[query] for query in asked})}
 
 
 def recall(exact: Searcher, answered: Mapping[Query, Sequence[Hit]]) -> float:
@@ -130,8 +130,8 @@ def recall(exact: Searcher, answered: Mapping[Query, Sequence[Hit]]) -> float:
 
 
 def recall_of_ranges(exact: Searcher, answered: Mapping[Query, Sequence[Hit]]) -> float:
-    """The mean share of the ranges that an exact search answers with in whose place are answers that are as near: of
-    many ranges that are equally near, one is as good as another."""
+    """The mean share of the ranges that an exact search answers with for which there are answers as near as the last of
+    them: strings have many ranges that are equally near, of which one is as good as another."""
     shares = []
     for query, hits in answered.items():
         (wanted,) = exact.search([query], K)
