@@ -92,7 +92,7 @@ class SubmotionSearcher(LakeSearcher):
         known = [self._windows(query) for query in gallery]
         found = [
             [np.linalg.norm(windows - query, axis=1).min() for windows in known]
-            for query in self._network.embed([self._piece(query).sequence for query in queries])
+            for query in self._network.embed([self._sequence(query) for query in queries])
         ]
         return np.array(found, dtype=np.float64).reshape(len(queries), len(gallery))
 
@@ -135,8 +135,13 @@ class SubmotionSearcher(LakeSearcher):
             UserError: as `search`.
         """
         assert self.shortlist is not None
-        (descriptor,) = self._network.embed([self._piece(query, mirrored=mirrored).sequence])
+        (descriptor,) = self._network.embed([self._sequence(query, mirrored=mirrored)])
         return self.shortlist.rows_near(descriptor, count, scope)
+
+    def _sequence(self, query: Query, *, mirrored: bool = False) -> Float32Array:
+        """[T, 15, 3] of a query, as the network reads it."""
+        motion = query_motion(self.lake, query, mirrored=mirrored, rotations=False)
+        return sequence_of(query.name, motion.cut()[0], motion.fps)
 
     def _piece(self, query: Query, *, own: bool = True, mirrored: bool = False) -> Piece:
         motion = query_motion(self.lake, query, mirrored=mirrored, rotations=self._words.reads_rotations)
@@ -185,6 +190,17 @@ def piece_of(
     """A piece from its own frames alone: positions [F, 21, 3] and rotations [F, 21, 4] at a rate.
 
     Raises:
+        UserError: as `sequence_of`.
+    """
+    sequence = sequence_of(name, positions, fps)
+    with about(name):
+        return Piece(sequence, word_features(positions, rotations, fps, config), own)
+
+
+def sequence_of(name: str, positions: NDArray[np.float64], fps: float) -> Float32Array:
+    """[T, 15, 3] of a piece with joints [F, 21, 3] at a rate, as the network reads it.
+
+    Raises:
         UserError: it is shorter than `SHORTEST` frames at 30 a second.
     """
     count = frames_of(len(positions), fps)
@@ -194,7 +210,7 @@ def piece_of(
             f"least {SHORTEST} ({SHORTEST / FPS:.1f} s); take a longer range"
         )
     with about(name):
-        return Piece(clip_sequence(positions, fps), word_features(positions, rotations, fps, config), own)
+        return clip_sequence(positions, fps)
 
 
 def place(piece: Piece, row: Mapping[str, Any], features: Float32Array, config: WordConfig) -> Stretch:
