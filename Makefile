@@ -163,8 +163,8 @@ bench-whole: setup ## Measure a repository of CLIPS=n (142,220) clips indexed wh
 bench-workers: setup ## Measure how stages scale over one and two workers, and simulate up to 64
 	$(BIN)/python -m bench.worker_scaling
 
-bench-nights: setup ## Measure NIGHTS=n (30) runs of 50 new clips into one lake: time, files, catalog, and what grows
-	$(BIN)/python -m bench.nights $(if $(NIGHTS),--nights $(NIGHTS))
+bench-nights: setup ## Measure NIGHTS=n (30) runs of 50 new clips into one lake: time, files, catalog, what grows (FOLDER=folder keeps it)
+	$(BIN)/python -m bench.nights $(if $(NIGHTS),--nights $(NIGHTS)) $(if $(FOLDER),--folder "$(FOLDER)")
 
 bench-windows: setup ## Measure the search of pieces in a large lake by codes beside a scan of all vectors: recall, time
 	$(BIN)/python -m bench.window_search

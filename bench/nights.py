@@ -1,4 +1,4 @@
-"""New clips every night, simulated: `python -m bench.nights [--nights N] [--clips N] [--first N] [--every N]`.
+"""New clips every night, simulated: `python -m bench.nights [--folder FOLDER] [--nights N] [--clips N] [--first N]`.
 
 A lake of `--first` clips takes in `--clips` more a night: `motionlake ingest`, then `motionlake run all`, each as a
 process of its own, as cron starts them; every `--every` nights `motionlake compact`; then one search and `status`.
@@ -6,11 +6,15 @@ Clips are those of `bench.long_clips`, `--seconds` long in the mean. Of every co
 of processors that it and all processes it started took; of every night the bytes of the catalog and how many files
 there are. What grows is told by straight lines through the nights: their rise over these nights and over a year, as a
 share of where they begin.
+
+FOLDER keeps the lake and what was measured, so that a year need not be simulated at once: `--nights` more follow those
+that are there, and the record is of all. Where `bench.whole_lake` left a lake in it, that one takes the nights in.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import subprocess
 import sys
 import tempfile
@@ -20,12 +24,18 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from motionlake.lake.layout import Lake
+from motionlake.lake.parts import replacing
 
-from bench.long_clips import read_recordings, write_long_clips
+from bench.long_clips import Recording, read_recordings, write_long_clips
 from bench.memory import LINGER, ended_seconds, orphans_adopted
 from bench.record import record, recordings
+from bench.scale_search import clips_in
+from bench.whole_lake import empty
 
 YEAR: Final = 365
+STATE: Final = "nights.json"
+INBOX: Final = "inbox"  # the folder that clips arrive in
 
 
 def command(*words: str | Path, statuses: Sequence[int] = (0,)) -> dict[str, float]:
@@ -60,37 +70,62 @@ def trend(values: Sequence[float]) -> dict[str, float]:
 
 def measure(given: argparse.Namespace, folder: Path) -> dict[str, Any]:
     """What every night took, what the first clips took, and the trends."""
-    lake, clips, sources = folder / "lake", folder / "clips", read_recordings(recordings())
-    write_long_clips(sources, 0, given.first, clips, given.seconds)
-    workers = ("--lake", lake, *(("--workers", str(given.workers)) if given.workers else ()))
-    made = {"ingest": command("ingest", clips, *workers), "run": command("run", "all", *workers)}
-    nights = []
-    for night in range(given.nights):
-        first = given.first + night * given.clips
-        write_long_clips(sources, first, first + given.clips, clips, given.seconds)
-        taken: dict[str, Any] = {"ingest": command("ingest", clips, *workers), "run": command("run", "all", *workers)}
-        if given.every and (night + 1) % given.every == 0:
-            taken["compact"] = command("compact", *workers)
-        query = next(path.relative_to(clips).as_posix() for path in sorted(clips.rglob("*.bvh")))
-        taken["search"] = command("search", f"clips/{query}", "--lake", lake)
-        taken["status"] = command("status", "--lake", lake)
-        nights.append({**taken, **files_of(lake)})
-        told = ", ".join(f"{name} {nights[-1][name]['seconds']:.1f} s ({nights[-1][name]['processor_seconds']:.1f})"
-                         for name in taken)  # fmt: skip
-        print(f"night {night + 1}: {told}; {nights[-1]['files']} files, "
-              f"catalog {nights[-1]['catalog_bytes'] / 1e6:.1f} MB", flush=True)  # fmt: skip
+    file, sources = folder / STATE, read_recordings(recordings())
+    state = json.loads(file.read_text()) if file.exists() else begin(given, folder, sources)
+    nights = state["each_night"]
+    for _ in range(given.nights):
+        nights.append(a_night(given, folder, sources, state["first"], len(nights) + 1))
+        with replacing(file) as path:
+            path.write_text(json.dumps(state))
     trends = {
         f"{name}_{clock}": trend([night[name][clock] for night in nights])
         for name in ("ingest", "run", "search", "status")
         for clock in ("seconds", "processor_seconds")
     }
     trends |= {name: trend([night[name] for night in nights]) for name in ("files", "frames_parts", "catalog_bytes")}
-    return {**vars(given), "made": made, "each_night": nights, "trends": trends}
+    return {**vars(given), "folder": None, **state, "trends": trends}
+
+
+def begin(given: argparse.Namespace, folder: Path, sources: Sequence[Recording]) -> dict[str, Any]:
+    """What is known before the first night: `first`, the clips of the lake, and `made`, what a new one took."""
+    if (folder / "lake").exists():
+        return {"first": clips_in(Lake(folder / "lake")), "made": None, "each_night": []}
+    write_long_clips(sources, 0, given.first, folder / "clips", given.seconds)
+    options = options_of(given, folder)
+    made = {"ingest": command("ingest", folder / "clips", *options), "run": command("run", "all", *options)}
+    return {"first": given.first, "made": made, "each_night": []}
+
+
+def options_of(given: argparse.Namespace, folder: Path) -> Sequence[str | Path]:
+    """What every command that writes is told."""
+    return ("--lake", folder / "lake", *(("--workers", str(given.workers)) if given.workers else ()))
+
+
+def a_night(
+    given: argparse.Namespace, folder: Path, sources: Sequence[Recording], known: int, number: int
+) -> dict[str, Any]:
+    """What the commands of a night took; the lake had `known` clips before the first."""
+    lake, inbox, options = folder / "lake", folder / INBOX, options_of(given, folder)
+    first = known + (number - 1) * given.clips
+    write_long_clips(sources, first, first + given.clips, inbox, given.seconds)
+    taken: dict[str, Any] = {"ingest": command("ingest", inbox, *options), "run": command("run", "all", *options)}
+    if given.every and number % given.every == 0:
+        taken["compact"] = command("compact", *options)
+    query = next(inbox.rglob(f"*_{first:06}.bvh")).relative_to(inbox).as_posix()
+    empty(inbox)
+    taken["search"] = command("search", f"{INBOX}/{query}", "--lake", lake)
+    taken["status"] = command("status", "--lake", lake)
+    night = {**taken, **files_of(lake)}
+    told = ", ".join(f"{name} {spent['seconds']:.1f} s ({spent['processor_seconds']:.1f})"
+                     for name, spent in taken.items())  # fmt: skip
+    print(f"night {number}: {told}; {night['files']} files, catalog {night['catalog_bytes'] / 1e6:.1f} MB", flush=True)
+    return night
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--first", type=int, default=2000, help="clips of the lake before the first night")
+    parser.add_argument("--folder", type=Path, help="keeps the lake and what was measured (default: neither is kept)")
+    parser.add_argument("--first", type=int, default=2000, help="clips of a new lake before the first night")
     parser.add_argument("--nights", type=int, default=30)
     parser.add_argument("--clips", type=int, default=50, help="a night")
     parser.add_argument("--seconds", type=float, default=2.0, help="that a clip lasts in the mean")
@@ -98,11 +133,11 @@ def main() -> None:
     parser.add_argument("--workers", type=int, help="of every command (default: as it chooses)")
     given = parser.parse_args()
     with orphans_adopted(), tempfile.TemporaryDirectory(prefix="bench-nights-") as name:
-        figures = measure(given, Path(name))
+        figures = measure(given, given.folder or Path(name))
     for name, line in figures["trends"].items():
         print(
-            f"{name:26s} {line['first']:12.2f} at first, {100 * line['over_nights']:+6.1f} % over {given.nights} "
-            f"nights, {100 * line['over_a_year']:+7.1f} % a year"
+            f"{name:26s} {line['first']:12.2f} at first, {100 * line['over_nights']:+6.1f} % over "
+            f"{len(figures['each_night'])} nights, {100 * line['over_a_year']:+7.1f} % a year"
         )
     print(record("nights", figures))
 
