@@ -14,7 +14,8 @@ import librosa
 import numpy as np
 from motionlake.pesta.config import AlignmentConfig
 from motionlake.pesta.matches import best_matches
-from motionlake.pesta.scan import best_per_clip, end_costs, symmetric_costs
+from motionlake.pesta.nearest import symmetric_costs
+from motionlake.pesta.scan import best_per_clip, end_costs
 from motionlake.pesta.strings import Repository, SymbolDistances
 from numpy.typing import NDArray
 

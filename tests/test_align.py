@@ -14,10 +14,11 @@ from motionlake.lake.catalog import reading
 from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake, open_lake
 from motionlake.lake.strings import LakeStrings, read_strings
-from motionlake.pesta import scan as whole
+from motionlake.pesta import nearest as whole
 from motionlake.pesta.config import AlignmentConfig
 from motionlake.pesta.matches import best_matches
-from motionlake.pesta.scan import end_costs, symmetric_costs
+from motionlake.pesta.nearest import symmetric_costs
+from motionlake.pesta.scan import end_costs
 from motionlake.pesta.strings import Repository
 from motionlake.retrieval.alignment import AlignmentRangeSearcher, AlignmentSearcher
 from motionlake.retrieval.hits import OPTIONAL, Hit
@@ -214,7 +215,8 @@ def without_speed(row: dict[str, Any]) -> dict[str, Any]:
 def test_whole_clips_are_ranked_by_both_ways(
     aligner: Aligner, both: Any, method: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(whole, "BATCH", 2)
+    for name in ("BATCH", "FIRST", "OF_EACH"):
+        monkeypatch.setattr(whole, name, 2)
     kept = aligner.strings
     searcher = AlignmentSearcher(aligner.lake, strings=kept, method=method, ways=both)
     costs = symmetric_costs(kept.repository, kept.distances, AlignmentConfig(method), both=both)

@@ -12,10 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from motionlake import threads as kept_threads
 from motionlake.arrays import Int32Array
-from motionlake.pesta import scan, thread_work
+from motionlake.pesta import nearest, scan, thread_work
 from motionlake.pesta.config import AlignmentConfig, Method
 from motionlake.pesta.matches import Match, best_matches
-from motionlake.pesta.scan import best_per_clip, end_costs, pairwise, symmetric_costs
+from motionlake.pesta.nearest import Both, LeastCosts, nearest_strings, symmetric_costs
+from motionlake.pesta.scan import best_per_clip, end_costs, pairwise
 from motionlake.pesta.strings import Boundaries, Repository, SymbolDistances
 from numpy.typing import NDArray
 
@@ -327,12 +328,12 @@ def test_costs_between_whole_strings() -> None:
 
 
 @given(
-    cases(clips=40), st.sampled_from(get_args(Method)), st.booleans(), st.sampled_from(get_args(scan.Both)),
+    cases(clips=40), st.sampled_from(get_args(Method)), st.booleans(), st.sampled_from(get_args(Both)),
     st.integers(0, 45), st.sampled_from([1, 3, 64]),
 )  # fmt: skip
 @settings(max_examples=60)
 def test_nearest_strings_are_a_row_of_all_costs(
-    case: tuple[Int32Array, Repository, NDArray[np.float32], int], method: Method, gaps: bool, both: scan.Both, k: int,
+    case: tuple[Int32Array, Repository, NDArray[np.float32], int], method: Method, gaps: bool, both: Both, k: int,
     together: int,
 ) -> None:  # fmt: skip
     """To the last bit, whichever clips are compared side by side, on any number of threads."""
@@ -341,14 +342,47 @@ def test_nearest_strings_are_a_row_of_all_costs(
     held = [repository.string(clip) for clip in np.flatnonzero(repository.lengths).tolist()]
     costs = symmetric_costs([query, *held], distances, config, both=both)[0]
     expected = sorted((float(cost), clip) for clip, cost in enumerate(costs[1:], start=1))[:k]
-    strings = Repository.of([query, *held])
+    strings = Repository.of([query, *held, [], []])  # empty ones are left out
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(scan, "BATCH", together)
-        patch.setattr(scan, "ALIKE", together)
-        found = scan.nearest_strings(query, strings, distances, k, config, both=both, without=0, threads=together)
+        for module, name in ((nearest, "BATCH"), (nearest, "FIRST"), (nearest, "OF_EACH"), (scan, "ALIKE")):
+            patch.setattr(module, name, together)
+        found = nearest_strings(query, strings, distances, k, config, both=both, without=0, threads=together)
+        so_far, shares = LeastCosts(k), [range(first, len(strings), 3) for first in range(1, 4)]
+        parts = [
+            [(cost, share[clip]) for clip, cost in nearest_strings(
+                query, strings.among(np.array(share, dtype=np.int64)), distances, k, config, both=both, so_far=so_far
+            )]
+            for share in shares
+        ]  # fmt: skip
     assert [(cost, clip) for clip, cost in found] == expected
+    assert sorted(answer for part in parts for answer in part)[:k] == expected
     with pytest.raises(ValueError, match="at least 0"):
-        scan.nearest_strings(query, strings, distances, -1)
+        nearest_strings(query, strings, distances, -1)
+
+
+def test_few_strings_are_aligned(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of strings of other symbols than the query bounds tell that they are far, and what one share finds spares
+    another."""
+    rng = np.random.default_rng(3)
+    distances = np.abs(np.subtract.outer(np.arange(40), np.arange(40))).astype(np.float32)
+    query = rng.integers(0, 10, 30).astype(np.int32)
+    like, unlike = ([rng.integers(low, low + 10, 30).astype(np.int32) for _ in range(300)] for low in (0, 25))
+    aligned: list[int] = []
+
+    def counted(asked: Int32Array, clips: Repository, *rest: Any, **options: Any) -> Any:
+        aligned.append(len(clips))
+        return best_per_clip(asked, clips, *rest, **options)
+
+    monkeypatch.setattr(nearest, "best_per_clip", counted)
+    strings = Repository.of([*unlike, *like])
+    found = nearest_strings(query, strings, distances, 5)
+    assert all(clip >= 300 for clip, _ in found)
+    assert sum(aligned) == 300, "those that are like it"
+    aligned.clear()
+    so_far = LeastCosts(5)
+    assert nearest_strings(query, Repository.of(like), distances, 5, so_far=so_far)
+    assert not nearest_strings(query, Repository.of(unlike), distances, 5, so_far=so_far)
+    assert sum(aligned) == 300
 
 
 @pytest.mark.parametrize(

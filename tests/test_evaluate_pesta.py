@@ -40,7 +40,7 @@ from motionlake.motion.features import word_features
 from motionlake.motion.skeleton import INDEX, facing
 from motionlake.pesta.config import AlignmentConfig, Method
 from motionlake.pesta.dictionary_fitting import fit_dictionary
-from motionlake.pesta.scan import symmetric_costs
+from motionlake.pesta.nearest import symmetric_costs
 from motionlake.pesta.symbols import SymbolString, symbolise
 from motionlake.retrieval.encode import query_motion
 from motionlake.retrieval.protocol import Query

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from motionlake.evaluation.pesta.measuring import Segments
 from motionlake.pesta.config import AlignmentConfig, PosturesConfig
 from motionlake.pesta.dictionary import NearestCode, PostureDictionary
-from motionlake.pesta.scan import symmetric_costs
+from motionlake.pesta.nearest import symmetric_costs
 from motionlake.pesta.strings import Repository, SymbolDistances
 from scipy.spatial.distance import cdist
 

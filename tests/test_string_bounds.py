@@ -88,7 +88,7 @@ def test_queries_of_many_lengths_side_by_side(
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(scan, "ALIKE", alike)
         patched.setattr(scan, "few", lambda cells: False)
-        found = scan._in_one(queries, text, ground, config, 1)
+        found = scan.least_in_one(queries, text, ground, config, 1)
     strings = [queries.string(at) for at in range(len(lengths))]
     expected = scan.pairwise(strings, Repository.of([text]), ground, config)[:, 0]
     assert found.tolist() == expected.tolist()

@@ -35,6 +35,7 @@ GROUPS: Final[Mapping[str, Mapping[str, Module]]] = {
     "alignment": {
         "pipeline/pesta/kernels.py": _ALIGN,
         "pipeline/pesta/scan.py": _ALIGN,
+        "pipeline/pesta/nearest.py": _ALIGN,
         "pipeline/pesta/matches.py": _ALIGN,
         "pipeline/pesta/vectors.py": _ALIGN,
         "pipeline/pesta/selection.py": _ALIGN,

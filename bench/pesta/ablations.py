@@ -8,7 +8,7 @@ from typing import Final
 
 from motionlake.pesta.autoencoder import AutoencoderRecipe
 from motionlake.pesta.config import AlignmentConfig, SymbolsConfig
-from motionlake.pesta.scan import Both
+from motionlake.pesta.nearest import Both
 
 from bench.pesta.dictionaries import OWN, Spec, fitted, strings_of
 from bench.pesta.measuring import STA3, whole_scores

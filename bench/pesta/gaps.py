@@ -21,7 +21,7 @@ import numpy as np
 from motionlake.arrays import Float32Array, Int32Array, Int64Array
 from motionlake.kernels import njit
 from motionlake.pesta.config import AlignmentConfig
-from motionlake.pesta.scan import Both
+from motionlake.pesta.nearest import Both
 from motionlake.pesta.strings import Repository, SymbolDistances
 
 from bench.pesta.dictionaries import fitted

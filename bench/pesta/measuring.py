@@ -9,7 +9,7 @@ from motionlake.arrays import FloatArray
 from motionlake.evaluation.pesta.whole import scores
 from motionlake.evaluation.ranking import by_class, others, ranked_relevance, relatives, score_rankings
 from motionlake.pesta.config import AlignmentConfig
-from motionlake.pesta.scan import Both, symmetric_costs
+from motionlake.pesta.nearest import Both, symmetric_costs
 from motionlake.pesta.strings import Distances
 from motionlake.pesta.symbols import SymbolString
 

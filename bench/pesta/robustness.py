@@ -14,7 +14,7 @@ from motionlake.evaluation.pesta.framed import Framed
 from motionlake.evaluation.pesta.robustness import RATES, singular_clips
 from motionlake.pesta.autoencoder import AutoencoderRecipe
 from motionlake.pesta.config import AlignmentConfig
-from motionlake.pesta.scan import Both
+from motionlake.pesta.nearest import Both
 from motionlake.pesta.symbols import SymbolString
 
 from bench.canonical_sets import features

@@ -17,7 +17,7 @@ from motionlake.evaluation.ranking import others, ranked_relevance, relatives, s
 from motionlake.pesta.config import ENOUGH, PRETRAINED_POSTURES
 from motionlake.pesta.dictionary import load_dictionary
 from motionlake.pesta.dictionary_fitting import fit_dictionary
-from motionlake.pesta.scan import symmetric_costs
+from motionlake.pesta.nearest import symmetric_costs
 
 from bench.pesta.dictionaries import OWN, string
 from bench.pesta.measuring import STA2, STA3

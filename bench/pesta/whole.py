@@ -14,7 +14,7 @@ from typing import Final
 
 from motionlake.pesta.autoencoder import AutoencoderRecipe
 from motionlake.pesta.config import AlignmentConfig, SymbolsConfig
-from motionlake.pesta.scan import Both
+from motionlake.pesta.nearest import Both
 
 from bench.canonical_sets import features
 from bench.pesta.dictionaries import OWN, Spec, fitted, pretrained, strings_of

@@ -57,13 +57,15 @@ def query_profiles(
     width = -(-lengths[0] // ROWS) * ROWS
     profiles = np.zeros(len(lengths) * len(text) * width, dtype=np.float32)
     far = np.empty(len(distances), dtype=np.float32)
+    unsigned = symbols.view(np.uint32)  # a sign would be looked at for each
     for t in range(len(text)):
         for symbol in range(len(distances)):
             far[symbol] = distances[symbol, text[t]]
         for c in range(len(lengths)):
-            first, start = (c * len(text) + t) * width, starts[c]
-            for x in range(lengths[c]):
-                profiles[first + x] = far[symbols[start + x]]
+            first, own = (c * len(text) + t) * width, unsigned[starts[c] : starts[c] + lengths[c]]
+            row = profiles[first : first + len(own)]
+            for x in range(len(own)):
+                row[x] = far[own[x]]
     return profiles
 
 

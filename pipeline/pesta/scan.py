@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
-from typing import Final, Literal, get_args
+from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float32Array, Int32Array, Int64Array
@@ -24,12 +24,9 @@ from motionlake.pesta.thread_work import useful_threads
 from motionlake.threads import in_threads
 from numpy.typing import ArrayLike
 
-Both = Literal["max", "mean", "query"]
-
 # Columns of a piece of a long string: enough to be worth its own lane, few enough to stay in cache.
 LEAST_COLUMNS: Final = 1024
 MOST_COLUMNS: Final = 4096
-BATCH: Final = 64  # clips that `nearest_strings` searches for in the query at once
 ALIKE: Final = 4 * LANES  # queries of about one length whose distances from a string are in memory at once
 _NO_COSTS: Final = np.zeros(0, dtype=np.float32)
 _ALL_ROWS: Final = np.zeros(0, dtype=np.int64)
@@ -140,7 +137,7 @@ def _pairwise(
     return costs
 
 
-def _in_one(
+def least_in_one(
     queries: Repository, text: Int32Array, ground: SymbolDistances, config: AlignmentConfig, threads: int
 ) -> Float32Array:
     """[q] the least end cost of each of q queries in one string, as `pairwise`: queries of about one length side by
@@ -173,97 +170,9 @@ def _in_one(
     return costs
 
 
-def symmetric_costs(
-    strings: Sequence[ArrayLike] | Repository,
-    distances: Distances,
-    config: AlignmentConfig = DEFAULT_ALIGNMENT,
-    *,
-    both: Both = "max",
-    threads: int = 1,
-) -> Float32Array:
-    """[n, n] costs between whole strings for each symbol of the query.
-
-    A cost grows with the query's length, and a short query is found in many strings; hence the division, and both ways.
-
-    Args:
-        strings: n strings, none of them empty.
-        distances, config, threads: as in `end_costs`.
-        both: the greater ("max") or mean of cost(a in b) / len(a) and cost(b in a) / len(b); "query" the first alone,
-            with a the row.
-
-    Raises:
-        ValueError: as in `end_costs`; an unknown `both`.
-    """
-    _check(both)
-    repository = strings if isinstance(strings, Repository) else Repository.of(strings)
-    queries = [repository.string(clip) for clip in range(len(repository))]
-    costs = pairwise(queries, repository, distances, config, threads=threads)
-    costs /= np.maximum(repository.lengths, 1)[:, None].astype(np.float32)
-    return costs if both == "query" else _both_ways(costs, costs.T, both)
-
-
-def nearest_strings(
-    query: ArrayLike,
-    repository: Repository,
-    distances: Distances,
-    k: int,
-    config: AlignmentConfig = DEFAULT_ALIGNMENT,
-    *,
-    both: Both = "max",
-    without: int | None = None,
-    threads: int = 1,
-) -> list[tuple[int, float]]:
-    """(clip, cost) of the k nearest clips, in ascending cost, ties by clip: a row of `symmetric_costs`.
-
-    The costs of the query in the clips are lower bounds of the greater of both ways (half of them those of the mean),
-    so clips are searched for in the query in that order until no more of them can be among the k nearest.
-
-    Args:
-        query: [X] symbols of a whole clip.
-        repository, distances, config, both, threads: as in `symmetric_costs`. Empty clips are left out.
-        k: how many at most.
-        without: a clip to leave out: the query itself.
-
-    Raises:
-        ValueError: as in `symmetric_costs`; k below 0.
-    """
-    if k < 0:
-        raise ValueError(f"k is {k}: it is at least 0")
-    _check(both)
-    symbols, ground = checked(query, repository, distances)
-    costs = best_per_clip(symbols, repository, ground, config, threads=threads) / np.float32(len(symbols))
-    if without is not None:
-        costs[without] = np.inf
-    order = np.argsort(costs, kind="stable")[: int(np.isfinite(costs).sum())]
-    if both == "query":
-        return [(int(clip), float(costs[clip])) for clip in order[:k]]
-    found: list[tuple[float, int]] = []
-    batch = max(BATCH, min(k, len(order)))
-    for start in range(0, len(order) if k else 0, batch):
-        clips = order[start : start + batch].tolist()
-        bound = float(costs[clips[0]]) * (1.0 if both == "max" else 0.5)
-        if len(found) >= k and bound > found[k - 1][0] and not config.local:
-            break
-        own = Repository.of([repository.string(clip) for clip in clips])
-        back = _in_one(own, symbols, ground, config, threads)
-        back /= repository.lengths[clips].astype(np.float32)
-        cost = _both_ways(costs[clips], back, both)
-        found = sorted([*found, *zip(cost.tolist(), clips, strict=True)])[: max(k, 1)]
-    return [(clip, cost) for cost, clip in found[:k]]
-
-
 def _without_kernel(queries: Repository, texts: Repository, config: AlignmentConfig) -> bool:
     plain = not (config.local or config.gaps)
     return plain and few(plain_work(queries, texts, config.reach))
-
-
-def _check(both: Both) -> None:
-    if both not in get_args(Both):
-        raise ValueError(f"both is {both!r}, not max, mean or query")
-
-
-def _both_ways(there: Float32Array, back: Float32Array, both: Both) -> Float32Array:
-    return np.maximum(there, back) if both == "max" else (there + back) / np.float32(2)
 
 
 class _Scan:

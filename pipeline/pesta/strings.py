@@ -58,6 +58,13 @@ class Repository:
         """[c] the string of one clip."""
         return self.symbols[self.offsets[clip] : self.offsets[clip + 1]]
 
+    def among(self, clips: Int64Array) -> Repository:
+        """The repository of some clips, in their order."""
+        lengths = self.lengths[clips]
+        offsets = np.concatenate([[0], np.cumsum(lengths)])
+        places = np.repeat(self.offsets[clips] - offsets[:-1], lengths) + np.arange(offsets[-1])
+        return Repository(self.symbols[places], offsets)
+
     @cached_property
     def lengths(self) -> Int64Array:
         """[n] symbols of each clip."""

@@ -19,7 +19,7 @@ from motionlake.lake.settings import served_config
 from motionlake.motion.features import word_features
 from motionlake.pesta.config import AlignmentConfig
 from motionlake.pesta.matches import best_matches
-from motionlake.pesta.scan import symmetric_costs
+from motionlake.pesta.nearest import symmetric_costs
 from motionlake.pesta.strings import Repository
 from motionlake.pesta.tandem import reduce_runs
 from motionlake.pictures.hits_page import hits_page

@@ -15,7 +15,8 @@ from motionlake.lake.catalog import reading
 from motionlake.lake.layout import Lake
 from motionlake.lake.settings import served_config
 from motionlake.lake.strings import LakeStrings, read_strings
-from motionlake.pesta.scan import Both, nearest_strings, pairwise
+from motionlake.pesta.nearest import Both, nearest_strings
+from motionlake.pesta.scan import pairwise
 from motionlake.pesta.strings import Boundaries, Repository
 from motionlake.retrieval.hits import Hit, PathStep, clip_hit
 from motionlake.retrieval.matched_frames import MatchedFrames

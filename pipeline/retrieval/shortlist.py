@@ -6,7 +6,8 @@ by all methods together are compared by all. The answers by a method are then it
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -18,7 +19,17 @@ from motionlake.retrieval.asked import Asked, Ranking
 from motionlake.retrieval.hits import Hit, Match, clip_hit
 from motionlake.retrieval.lake_shortlist import LakeShortlist
 from motionlake.retrieval.protocol import Query, Scope
-from motionlake.retrieval.shortlist_methods import LEAST, METHODS, THREADS, Answers, ByMoves, Method, Value, largest
+from motionlake.retrieval.shortlist_methods import (
+    LEAST,
+    METHODS,
+    THREADS,
+    Answers,
+    ByMoves,
+    Compare,
+    Method,
+    Value,
+    largest,
+)
 from motionlake.retrieval.weighing import WEIGHTS, as_near
 from motionlake.threads import in_threads, limited
 
@@ -81,7 +92,7 @@ class Cascade:
         together = sum(likeness.values(), start=admitted)
         most = LARGE if self.large else MIDDLE
         rows = np.sort(largest(together, max(k, most.chosen)))
-        first = self._shared(self._compared(values), values, rows, k)
+        first = self._shared({name: self._methods[name].first(k) for name in values}, values, rows)
         by = {name: Ranking(found[:k].tolist(), distances[:k], self._reach(name, near[name], rows, k, distances[:k]))
               for name, (found, distances) in first.items() if name != ByMoves.name}  # fmt: skip
         if ByMoves.name in first:
@@ -92,11 +103,6 @@ class Cascade:
             by[ByMoves.name] = self._moves(values[ByMoves.name], known, rough, others, k, most.in_full)
         own = None if query.clip is None else self._clips.place(query.clip)
         return Asked(by, own, self._as_hits, self._clips.names)
-
-    def _compared(self, names: Iterable[str]) -> dict[str, Callable[[Value, Int64Array, int], Answers]]:
-        """How each of some methods compares clips first."""
-        methods = {name: self._methods[name] for name in names}
-        return {name: each.roughly if isinstance(each, ByMoves) else each.among for name, each in methods.items()}
 
     def _moves(
         self, value: Value, rows: Int64Array, rough: Float64Array, others: FloatArray, k: int, in_full: int
@@ -116,7 +122,8 @@ class Cascade:
         near = as_near(rough, np.float64(scale(rough))) + others
         likely = np.sort(largest(near, in_full if k < 2 * in_full else k))
         most = len(likely)
-        found, distances = self._shared({name: method.among}, {name: value}, np.sort(rows[likely]), most)[name]
+        compare = partial(method.among, k=most)
+        found, distances = self._shared({name: compare}, {name: value}, np.sort(rows[likely]))[name]
         if most == len(rows):
             return Ranking(found[:k].tolist(), distances[:k])
         # Not all of the k nearest need have been compared: how far they reach follows from about how far they are.
@@ -149,7 +156,7 @@ class Cascade:
             likeness = self._likeness({**self._values(others, query, [], mirrored=mirrored), name: value})
             together = sum(likeness.values(), start=self._clips.admits(scope.clips))
             rows = np.sort(largest(together, max(k + 1, method.chosen)))
-            found, distances = self._shared(self._compared([name]), {name: value}, rows, k + 1)[name]
+            found, distances = self._shared({name: method.first(k + 1)}, {name: value}, rows)[name]
             if isinstance(method, ByMoves):
                 nearest = self._moves(value, found, distances, together[found] / len(likeness), k + 1, ALONE_IN_FULL)
                 found, distances = np.array(nearest.clips, dtype=np.int64), nearest.distances
@@ -178,9 +185,8 @@ class Cascade:
         return dict(zip(names, found, strict=True))
 
     def _shared(
-        self, compare: Mapping[str, Callable[[Value, Int64Array, int], Answers]], values: Mapping[str, Value],
-        rows: Int64Array, k: int,
-    ) -> dict[str, Answers]:  # fmt: skip
+        self, compare: Mapping[str, Compare], values: Mapping[str, Value], rows: Int64Array
+    ) -> dict[str, Answers]:
         """What each way to compare finds among the clips of some rows, nearest first.
 
         Threads share the clips of a method, moves first: they take longest.
@@ -189,7 +195,7 @@ class Cascade:
         for name in _last(values):
             count = self._sharing(name)
             shares += [(name, rows[first::count]) for first in range(count)]
-        found = in_threads(lambda share: compare[share[0]](values[share[0]], share[1], k), shares, THREADS)
+        found = in_threads(lambda share: compare[share[0]](values[share[0]], share[1]), shares, THREADS)
         answers: dict[str, list[Answers]] = {name: [] for name in values}
         for (name, _), answer in zip(shares, found, strict=True):
             answers[name].append(answer)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from functools import cached_property
+from collections.abc import Callable, Mapping
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 import numpy as np
@@ -17,7 +17,7 @@ from motionlake.lake.settings import served_config
 from motionlake.motion.moves_index import floored
 from motionlake.motion.sketches import instants, nearness
 from motionlake.motion.stacks import Stack, aligned
-from motionlake.pesta.scan import nearest_strings
+from motionlake.pesta.nearest import LeastCosts, nearest_strings
 from motionlake.pesta.strings import Repository, SymbolDistances
 from motionlake.retrieval.protocol import Query
 from motionlake.retrieval.string_queries import query_of_symbols
@@ -35,6 +35,7 @@ LEAST: Final = np.float32(1e-6)  # of such a distance
 EVERY: Final = 4  # frames of moves, of which one is compared before all
 THREADS: Final = 2
 Answers = tuple[Int64Array, Float64Array]  # rows and distances, nearest first
+Compare = Callable[[Value, Int64Array], Answers]  # of a query and the clips of some rows
 
 
 class Method(ABC):
@@ -68,6 +69,11 @@ class Method(ABC):
     @abstractmethod
     def among(self, value: Value, rows: Int64Array, k: int) -> Answers:
         """The k nearest of the clips of some rows; those that the method does not know are left out."""
+
+    def first(self, k: int) -> Compare:
+        """How shares of the clips that were chosen for a query are compared first: the k nearest of all are found, and
+        what may be left out of a share is none of them."""
+        return partial(self.among, k=k)
 
     def likeness(self, value: Value) -> Float32Array:
         """[n] how near every clip is by its vector, from 0 to 1: a half at the distance of the `UNIT`th nearest, and 0
@@ -165,8 +171,14 @@ class ByAlignment(Method):
         return string_sketch(value, self._codes)
 
     def among(self, value: Value, rows: Int64Array, k: int) -> Answers:
+        return self._among(value, rows, k, None)
+
+    def first(self, k: int) -> Compare:
+        return partial(self._among, k=k, so_far=LeastCosts(k))
+
+    def _among(self, value: Value, rows: Int64Array, k: int, so_far: LeastCosts | None) -> Answers:
         # Of so few in one thread.
-        found = nearest_strings(value, self._strings(rows), self._distances, k, self._config)
+        found = nearest_strings(value, self._strings(rows), self._distances, k, self._config, so_far=so_far)
         return rows[[at for at, _ in found]], np.array([cost for _, cost in found])
 
     def _strings(self, rows: Int64Array) -> Repository:
@@ -192,7 +204,10 @@ class ByMoves(Method):
     def sketch(self, value: Value) -> Float32Array:
         return instants(value, INSTANTS).ravel()
 
-    def roughly(self, value: Value, rows: Int64Array, _: int) -> Answers:
+    def first(self, k: int) -> Compare:
+        return self.roughly
+
+    def roughly(self, value: Value, rows: Int64Array) -> Answers:
         """All clips of some rows that have moves, by some of their frames: about how far each is."""
         known = rows[self.files.numbers("frames")[rows] > 0]
         stack = Stack.of_halves(*self.files.moves.at(known, EVERY))

@@ -83,7 +83,7 @@ def _by_signature(at: LakeReader, _: Shard) -> Compared:
 
 def _by_alignment(at: LakeReader, shard: Shard) -> Compared:
     from motionlake.lake.strings import read_strings
-    from motionlake.pesta.scan import nearest_strings
+    from motionlake.pesta.nearest import nearest_strings
     from motionlake.pesta.strings import Repository
 
     strings, config = read_strings(at.con), AlignmentConfig(**shard.spec["alignment"])

@@ -21,7 +21,7 @@ from motionlake.lake.settings import served_config
 from motionlake.motion.rotations import turn_on_ground
 from motionlake.motion.skeleton import INDEX, facing
 from motionlake.pesta.config import METHODS, Method
-from motionlake.pesta.scan import symmetric_costs
+from motionlake.pesta.nearest import symmetric_costs
 from motionlake.retrieval.protocol import about
 from motionlake.retrieval.symbol_strings import served_dictionary
 

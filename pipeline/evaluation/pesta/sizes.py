@@ -18,7 +18,7 @@ from motionlake.evaluation.ranking import others, ranked_relevance, relatives, s
 from motionlake.lake.settings import served_config
 from motionlake.pesta.config import ENOUGH, AlignmentConfig
 from motionlake.pesta.dictionary_fitting import fit_dictionary
-from motionlake.pesta.scan import nearest_strings, symmetric_costs
+from motionlake.pesta.nearest import nearest_strings, symmetric_costs
 from motionlake.pesta.strings import Repository, SymbolDistances
 from motionlake.stages.model_kind import Selection
 from motionlake.stages.posture_dictionary import POSTURE_DICTIONARY

@@ -22,7 +22,7 @@ from motionlake.evaluation.ranking import (
 )
 from motionlake.lake.models import check_served
 from motionlake.pesta.config import METHODS
-from motionlake.pesta.scan import Both, symmetric_costs
+from motionlake.pesta.nearest import Both, symmetric_costs
 from motionlake.retrieval.labelled_clips import CodedClips, lake_ground
 
 ONE_WAY: Final = "_one_way"
