@@ -360,6 +360,13 @@ def test_nearest_strings_are_a_row_of_all_costs(
         nearest_strings(query, strings, distances, -1)
 
 
+def test_of_clips_that_cost_the_same_the_first_is_nearest(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Though the other is compared before it: its bound is lower."""
+    monkeypatch.setattr(nearest, "BATCH", 1)
+    distances = np.array([[0, 1, 0], [0, 0, 1], [1, 1, 0]], dtype=np.float32)
+    assert nearest_strings([0], Repository.of([[1], [2]]), distances, 1) == [(0, 1.0)]
+
+
 def test_few_strings_are_aligned(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of strings of other symbols than the query bounds tell that they are far, and what one share finds spares
     another."""
