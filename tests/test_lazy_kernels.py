@@ -15,11 +15,12 @@ from hypothesis import strategies as st
 from motionlake import kernels
 from motionlake.motion import dtw, stacks
 from motionlake.motion.dtw import clip_dtw, clip_dtws
-from motionlake.motion.stacks import Stack, aligned
+from motionlake.motion.stacks import Halves, Stack, aligned
 from motionlake.pesta import scan
 from motionlake.pesta.config import AlignmentConfig
+from motionlake.pesta.nearest import nearest_strings
 from motionlake.pesta.plain_scan import GROUP, least_costs
-from motionlake.pesta.scan import best_per_clip, nearest_strings
+from motionlake.pesta.scan import best_per_clip
 from motionlake.pesta.strings import Repository
 
 # A kernel that a function makes, which calls others, one of them made by a function as well.
@@ -140,8 +141,10 @@ def test_strings_of_several_groups_are_in_their_order() -> None:
         assert back[clip] == least_costs(alone, asked, distances, 2)[0]
 
 
-@given(st.integers(1, 9), lengths, st.sampled_from([1, 6, 8, 19, 135]), st.integers(0, 2**32))
-def test_distances_of_moves_without_a_kernel_are_its_own(frames: int, sizes: list[int], width: int, seed: int) -> None:
+@given(st.integers(1, 9), lengths, st.sampled_from([1, 6, 8, 19, 135]), st.integers(1, 5), st.integers(0, 2**32))
+def test_distances_of_moves_without_a_kernel_are_its_own(
+    frames: int, sizes: list[int], width: int, every: int, seed: int
+) -> None:
     random = np.random.default_rng(seed)
     halves = random.normal(size=(sum(sizes), width)).astype(np.float16)
     counts = np.array(sizes, dtype=np.int64)
@@ -150,7 +153,7 @@ def test_distances_of_moves_without_a_kernel_are_its_own(frames: int, sizes: lis
     clips = [halves[start : start + count].astype(np.float32) for start, count in zip(starts, counts, strict=True)]
 
     def distances() -> tuple[list[list[float]], list[float], bytes]:
-        stack = Stack.of_halves(halves, starts, counts)
+        stack = Stack.of_halves(Halves([halves], np.zeros_like(starts), starts, counts), every)
         return aligned(query, stack).tolist(), clip_dtws(query, clips).tolist(), stack.frames.tobytes()
 
     with pytest.MonkeyPatch.context() as patch:

@@ -14,7 +14,7 @@ from motionlake.deephums.sequence import clip_sequence
 from motionlake.motion.moves import DISPLACEMENT_COUNT, FPS, JOINTS_COUNT, LEAST, MOST, WIDTH, Track, at_12
 from motionlake.motion.moves_index import MovesIndex, moves_distance, moves_distances, sampled
 from motionlake.motion.moves_windows import nearest_place, windows_distances
-from motionlake.motion.stacks import Stack, aligned
+from motionlake.motion.stacks import Halves, Stack, aligned
 
 
 def walking(frames: int) -> Float64Array:
@@ -58,12 +58,16 @@ halves = st.floats(-1000, 1000, width=16)
 
 @given(st.lists(st.lists(halves, min_size=3, max_size=3), min_size=1, max_size=40), st.data())
 def test_clips_in_half_precision_are_stacked_alike(rows: list[list[float]], data: st.DataObject) -> None:
-    """Wherever they lie; the smallest numbers and zeros below zero, too."""
+    """Wherever they lie, and some of their frames alone; the smallest numbers and zeros below zero, too."""
     frames = np.array(rows, dtype=np.float16)
-    place = st.integers(0, len(frames) - 1).flatmap(lambda at: st.tuples(st.just(at), st.integers(1, len(frames) - at)))
-    places = np.array(data.draw(st.lists(place, max_size=20)), dtype=np.int64).reshape(-1, 2)
-    stack = Stack.of_halves(frames, places[:, 0], places[:, 1])
-    other = Stack.of([frames[start : start + count] for start, count in places]) if len(places) else stack
+    pieces, every = [frames, frames[::-1].copy()], data.draw(st.integers(1, 5))
+    place = st.integers(0, len(frames) - 1).flatmap(
+        lambda at: st.tuples(st.integers(0, 1), st.just(at), st.integers(1, len(frames) - at))
+    )
+    places = np.array(data.draw(st.lists(place, max_size=20)), dtype=np.int64).reshape(-1, 3)
+    stack = Stack.of_halves(Halves(pieces, *places.T), every)
+    some = [pieces[piece][start : start + count : every] for piece, start, count in places]
+    other = Stack.of(some) if some else stack
     for name in ("starts", "lengths", "clips"):
         np.testing.assert_array_equal(getattr(stack, name), getattr(other, name))
     np.testing.assert_array_equal(stack.frames[:, :-1], other.frames[:, :-1])
@@ -73,7 +77,7 @@ def test_clips_in_half_precision_are_stacked_alike(rows: list[list[float]], data
 
 def test_a_clip_without_frames_is_not_stacked() -> None:
     with pytest.raises(ValueError, match="without frames"):
-        Stack.of_halves(np.zeros((3, 2), dtype=np.float16), np.array([0, 1]), np.array([1, 0]))
+        Stack.of_halves(Halves([np.zeros((3, 2), dtype=np.float16)], *np.array([[0, 0], [0, 1], [1, 0]])))
 
 
 @given(st.lists(clips, max_size=20), st.integers(1, 60))

@@ -199,7 +199,7 @@ def test_nearest_reach_as_far_as_of_all_clips(large: Path, monkeypatch: pytest.M
             signatures += there < k
 
             by_moves = cast(ByMoves, methods["moves"])
-            rows, rough = by_moves.roughly(of["moves"], chosen, k)
+            rows, rough = by_moves.roughly(of["moves"], chosen)
             found, distances = by_moves.among(of["moves"], every, 999)
             compared = dict(zip(found.tolist(), distances.tolist(), strict=True))
             ranking = asked.by["moves"]
@@ -577,16 +577,14 @@ def test_lists_are_kept_in_few_bytes(tmp_path: Path, values: list[int], kind: st
     assert (found.tolist(), starts.tolist(), found.dtype) == (values, [0, 0, len(values)], np.dtype(kind))
 
 
-def test_some_frames_of_moves(large: Path) -> None:
-    """One of so many of each clip, as they lie in all pieces."""
+def test_moves_lie_where_they_are_said_to(large: Path) -> None:
     names = [str(path.relative_to(large)) for path in large.glob("shortlist/*")]
     shortlist = ShortlistFiles.open(open_lake(large), names)
     rows = np.array([3, 0, 5, 2])
-    whole = shortlist.moves.of(rows)
-    for every in (1, 2, 4, 1000):
-        frames, starts, counts = shortlist.moves.at(rows, every)
-        for moves, start, count in zip(whole, starts.tolist(), counts.tolist(), strict=True):
-            assert np.array_equal(frames[start : start + count], moves[::every])
+    pieces, *places = shortlist.moves.where(rows)
+    for moves, piece, start, count in zip(shortlist.moves.of(rows), *places, strict=True):
+        assert len(moves) == count
+        assert np.array_equal(pieces[piece][start : start + count], moves)
 
 
 def test_searches_at_once_answer_as_one_after_another(large: Path) -> None:

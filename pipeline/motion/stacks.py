@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array, FloatArray, Int64Array
@@ -14,6 +14,21 @@ from numpy.typing import NDArray
 
 LANES: Final = 8  # clips that are aligned side by side
 _CELLS: Final = 1 << 20  # frame distances that are worked out at a time
+
+
+class Halves(NamedTuple):
+    """Where the frames of n clips lie, in half precision.
+
+    Attributes:
+        pieces: arrays [N, D].
+        piece: [n] in which of them each clip lies.
+        starts, counts: [n] from which row on, and how many.
+    """
+
+    pieces: Sequence[NDArray[np.float16]]
+    piece: Int64Array
+    starts: Int64Array
+    counts: Int64Array
 
 
 @dataclass(frozen=True)
@@ -48,17 +63,26 @@ class Stack:
         return stack
 
     @staticmethod
-    def of_halves(frames: NDArray[np.float16], starts: Int64Array, counts: Int64Array) -> Stack:
-        """The same of n clips that lie in rows [starts, starts + counts) of frames [N, D] in half precision."""
-        if not counts.all():
+    def of_halves(halves: Halves, every: int = 1) -> Stack:
+        """The same of clips in half precision; `every`: of one of so many of the frames of each, the first one first.
+
+        Raises:
+            ValueError: a clip without frames.
+        """
+        if not halves.counts.all():
             raise ValueError("a clip without frames cannot be aligned")
-        stack, first = Stack._empty(counts, frames.shape[1])
-        if few(int(counts.sum())):
-            within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-            rows = np.repeat(first, counts) + within * LANES
-            stack.frames[rows, :-2] = frames[np.repeat(starts, counts) + within]
-        else:
-            _widen(frames.view(np.uint16), starts, counts, first, stack.frames)
+        taken = -(-halves.counts // every)
+        without_kernel = few(int(taken.sum()))
+        stack, first = Stack._empty(taken, halves.pieces[0].shape[1] if halves.pieces else 0)
+        for piece, frames in enumerate(halves.pieces):
+            own = halves.piece == piece
+            starts, counts = halves.starts[own], taken[own]
+            if without_kernel:
+                within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+                rows = np.repeat(first[own], counts) + within * LANES
+                stack.frames[rows, :-2] = frames[np.repeat(starts, counts) + within * every]
+            else:
+                _widen(frames.view(np.uint16), starts, counts, every, first[own], stack.frames)
         _squared(stack.frames)
         return stack
 
@@ -86,9 +110,10 @@ class Stack:
 
 @njit(cache=True, nogil=True)
 def _widen(
-    halves: NDArray[np.uint16], starts: Int64Array, counts: Int64Array, first: Int64Array, frames: Float32Array
-) -> None:
-    """Kernel: frames of clips in half precision (their bits, [N, D]) into the rows of a stack.
+    halves: NDArray[np.uint16], starts: Int64Array, counts: Int64Array, every: int, first: Int64Array,
+    frames: Float32Array,
+) -> None:  # fmt: skip
+    """Kernel: so many frames of clips, one of `every`, in half precision (their bits, [N, D]) into rows of a stack.
 
     The exponent of half precision is 112 less than that of single precision, to which its bits are moved.
     """
@@ -98,7 +123,7 @@ def _widen(
     scale = np.float32(2.0**112)
     for clip in range(len(starts)):
         for t in range(counts[clip]):
-            source = halves[starts[clip] + t]
+            source = halves[starts[clip] + t * every]
             for d in range(width):
                 half = np.uint32(source[d])
                 bits[d] = (half & np.uint32(0x8000)) << np.uint32(16) | (half & np.uint32(0x7FFF)) << np.uint32(13)

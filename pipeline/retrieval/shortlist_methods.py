@@ -16,7 +16,7 @@ from motionlake.lake.layout import Lake
 from motionlake.lake.settings import served_config
 from motionlake.motion.moves_index import floored
 from motionlake.motion.sketches import instants, nearness
-from motionlake.motion.stacks import Stack, aligned
+from motionlake.motion.stacks import Halves, Stack, aligned
 from motionlake.pesta.nearest import LeastCosts, nearest_strings
 from motionlake.pesta.strings import Repository, SymbolDistances
 from motionlake.retrieval.protocol import Query
@@ -210,12 +210,12 @@ class ByMoves(Method):
     def roughly(self, value: Value, rows: Int64Array) -> Answers:
         """All clips of some rows that have moves, by some of their frames: about how far each is."""
         known = rows[self.files.numbers("frames")[rows] > 0]
-        stack = Stack.of_halves(*self.files.moves.at(known, EVERY))
+        stack = Stack.of_halves(Halves(*self.files.moves.where(known)), EVERY)
         return known, stack.spread(aligned(np.ascontiguousarray(value[::EVERY]), stack))
 
     def among(self, value: Value, rows: Int64Array, k: int) -> Answers:
         known = rows[self.files.numbers("frames")[rows] > 0]
-        stack = Stack.of_halves(*self.files.moves.at(known))
+        stack = Stack.of_halves(Halves(*self.files.moves.where(known)))
         distances = floored(stack.spread(aligned(value, stack)))
         order = np.lexsort((known, distances))[:k]
         return known[order], distances[order]

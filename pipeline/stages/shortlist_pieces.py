@@ -138,40 +138,31 @@ class Pieces:
         self._mapped: dict[int, NDArray[Any]] = {}
 
     def of(self, clips: Int64Array) -> list[NDArray[Any]]:
-        """The rows of some clips. Raises `DamagedError` as `at` does."""
-        found, starts, counts = self.at(clips)
-        return [found[start : start + count] for start, count in zip(starts.tolist(), counts.tolist(), strict=True)]
+        """The rows of some clips. Raises `DamagedError` as `where` does."""
+        pieces, piece, starts, counts = self.where(clips)
+        places = zip(piece.tolist(), starts.tolist(), counts.tolist(), strict=True)
+        return [pieces[at][start : start + count] for at, start, count in places]
 
-    def at(self, clips: Int64Array, every: int = 1) -> tuple[NDArray[Any], Int64Array, Int64Array]:
-        """Rows, and where in them those of some clips lie: from which row, how many.
+    def where(self, clips: Int64Array) -> tuple[list[NDArray[Any]], Int64Array, Int64Array, Int64Array]:
+        """Pieces, and of each of some clips in which of them it lies, from which row on, and how many rows.
 
         Args:
             clips: by their rows in the table.
-            every: take one of so many rows of each, the first one first.
 
         Raises:
             DamagedError: those of these clips are not as they were written.
         """
         self._check(clips)
         places = self._places
-        starts, counts, pieces = places.start[clips], places.count[clips].astype(np.int64), places.piece[clips]
-        if every == 1 and len(set(pieces.tolist())) <= 1:
-            return self._rows(int(pieces[0]) if len(pieces) else 0), starts, counts
-        taken = -(-counts // every)
-        begins = np.cumsum(taken) - taken
-        steps = np.repeat(starts - every * begins, taken) + every * np.arange(taken.sum())
-        owners = np.repeat(pieces, taken)
-        found = np.empty(len(steps), dtype=self._row)
-        for piece in sorted(set(pieces.tolist())):
-            own = owners == piece
-            found[own] = self._rows(piece)[steps[own]]
-        return found, begins, taken
+        used, piece = np.unique(places.piece[clips], return_inverse=True)
+        pieces = [self._rows(own) for own in used.tolist()]
+        return pieces, piece, places.start[clips], places.count[clips].astype(np.int64)
 
     def check_all(self) -> None:
         """Compare the rows of all clips with what was written, which maps them into memory: searches find that done.
 
         Raises:
-            DamagedError: as `at`.
+            DamagedError: as `where`.
         """
         count = len(self._places.count)
         for first in range(0, count, CHECKED):
