@@ -266,7 +266,7 @@ def test_pieces_of_a_lake_of_middle_size_are_looked_for_in_all_clips(middle: Pat
         assert not any("windows" in file or file.endswith((".codes", ".joints")) for file in kept)
         assert shortlist_of(open_lake(middle), "range") == []
         kinds = {name: type(searcher("range", name, open_lake(middle))).__name__ for name in ("alignment", "moves")}
-    assert kinds == {"alignment": "AlignmentRangeSearcher", "moves": "MovesRangeSearcher"}
+    assert kinds == {"alignment": "AlignmentRangeSearcher", "moves": "NearMovesSearcher"}
     (clip, frames, fps), _ = longest(middle, 2)
     asked = Query(clip, int(0.1 * fps), min(frames, int(1.4 * fps)))
     for method in ("words", "fused"):

@@ -13,6 +13,11 @@ import pyarrow.parquet as pq
 import pytest
 from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.layout import open_lake
+from motionlake.retrieval import near_moves
+from motionlake.retrieval.moves import MovesRangeSearcher
+from motionlake.retrieval.near_moves import NearMovesSearcher
+from motionlake.retrieval.protocol import Query, Scope
+from motionlake.retrieval.registry import searcher
 from motionlake.retrieval.submotion_search import SubmotionSearcher
 from motionlake.retrieval.window_codes import CodedPiece
 from motionlake.stages import windows
@@ -85,6 +90,26 @@ def test_stale_codes_are_not_read(coded_lake: Path, tmp_path: Path, scheduler: s
         assert run(root, scheduler, "windows")["windows"] > 0
     assert SubmotionSearcher(open_lake(root))._scan is not None
     assert find(root, clip, 3, 33).json == found
+
+
+def test_moves_are_looked_for_where_windows_are_near(coded_lake: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    lake, own = open_lake(coded_lake), Scope(own=True)
+    ((clip, fps),) = query(coded_lake, "SELECT clip, fps FROM clips ORDER BY frames / fps DESC, clip LIMIT 1")
+    asked = Query(clip, 3, 3 + round(fps))
+    near, every = (searcher("range", "moves", lake, exact=exact) for exact in (False, True))
+    assert (type(near), type(every)) == (NearMovesSearcher, MovesRangeSearcher)
+    (expected,) = every.search([asked], 999, own)
+    assert near.search([asked], 999, own) == [expected], "so few clips are all compared"
+    monkeypatch.setattr(near_moves, "CLIPS", 3)
+    chosen = SubmotionSearcher(lake).clips_near(asked, 3, own, mirrored=False)
+    assert chosen is not None
+    assert clip in chosen
+    (found,) = near.search([asked], 3, own)
+    assert len(found) == 3
+    assert [hit.clip for hit in found] == [hit.clip for hit in expected if hit.clip in chosen]
+    assert [hit.distance for hit in found] == [hit.distance for hit in expected if hit.clip in chosen]
+    (others,) = near.search([asked], 3, Scope())
+    assert (clip, 3) not in {(hit.clip, hit.start) for hit in others}
 
 
 def test_a_damaged_file_answers_nothing(coded_lake: Path, tmp_path: Path) -> None:

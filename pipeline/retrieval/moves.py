@@ -155,16 +155,21 @@ class MovesRangeSearcher(_Tracks):
         return found
 
     def nearest(self, queries: Sequence[Query], k: int, scope: Scope, *, mirrored: bool) -> list[list[Hit]]:
-        return [self._answers(query, scope, mirrored=mirrored)[:k] for query in queries]
+        return [self._answers(query, k, scope, mirrored=mirrored)[:k] for query in queries]
 
-    def _answers(self, query: Query, scope: Scope, *, mirrored: bool) -> list[Hit]:
+    def _answers(self, query: Query, k: int, scope: Scope, *, mirrored: bool) -> list[Hit]:
         if query.clip is not None:
             self._known(query.clip)
         moves, admits = self.moves(query, mirrored=mirrored), scope.admission(self.lake)
-        clips, found = [clip for clip in self.clips if admits(clip)], list[Hit]()
+        compared, found = self._compared(query, k, scope, mirrored=mirrored), list[Hit]()
+        clips = [clip for clip in compared if admits(clip)]
         for first in range(0, len(clips), TOGETHER):
             found += self._placed(moves, clips[first : first + TOGETHER], query, own=scope.own)
         return sorted(found, key=lambda hit: (hit.distance, hit.clip))
+
+    def _compared(self, query: Query, k: int, scope: Scope, *, mirrored: bool) -> Sequence[CorpusClip]:
+        """The clips that may hold the k nearest: all."""
+        return self.clips
 
     def _placed(self, moves: Float32Array, clips: Sequence[CorpusClip], query: Query, *, own: bool) -> list[Hit]:
         """Where in each of some clips the moves of a query lie, without those that are too short."""

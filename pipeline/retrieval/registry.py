@@ -62,8 +62,13 @@ def searcher(finds: Finds, name: str, lake: Lake, /, *, exact: bool = False, **o
     Raises:
         UserError: an unknown method, or one that the lake is not ready for.
     """
-    if name in CHOSEN[finds] and not (exact or options) and (files := _shortlist(lake, finds)):
-        return _of_some_clips(finds, name, lake, files)
+    if name in CHOSEN[finds] and not (exact or options):
+        if files := _shortlist(lake, finds):
+            return _of_some_clips(finds, name, lake, files)
+        if (finds, name) == ("range", "moves") and "submotion" in ready(lake, finds):
+            from motionlake.retrieval.near_moves import NearMovesSearcher
+
+            return NearMovesSearcher(lake)
     if exact and (finds, name) == ("clip", "fused"):
         options["exact"] = True
     module, _, maker = SEARCHERS[finds][check_method(finds, name)].partition(":")

@@ -6,7 +6,7 @@ dynamic time warping on the features of words says so.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
@@ -86,7 +86,8 @@ class SubmotionSearcher(LakeSearcher):
             raise UserError(f"{lake.root}: has no windows to find pieces in yet; make them with `motionlake run all`")
         self._file, self._words = served.file, served_config(lake).words
         self.shortlist = _of_shortlist(lake, shortlist, clips) if shortlist else None
-        self._scan = self.shortlist or _codes_of(lake)
+        self._codes = None if self.shortlist else _codes_of(lake)
+        self._scan = self.shortlist or self._codes
 
     def distances(self, queries: Sequence[Query], gallery: Sequence[Query]) -> Float64Array:
         known = [self._windows(query) for query in gallery]
@@ -137,6 +138,18 @@ class SubmotionSearcher(LakeSearcher):
         assert self.shortlist is not None
         (descriptor,) = self._network.embed([self._sequence(query, mirrored=mirrored)])
         return self.shortlist.rows_near(descriptor, count, scope)
+
+    def clips_near(self, query: Query, count: int, scope: Scope, *, mirrored: bool) -> Collection[str] | None:
+        """So many clips that hold the windows nearest to a query, as their codes tell; None where there are no codes.
+
+        Raises:
+            UserError: as `search`.
+        """
+        if self._codes is None:
+            return None
+        (descriptor,) = self._network.embed([self._sequence(query, mirrored=mirrored)])
+        with reading(self.lake) as con:
+            return self._codes.near(con, descriptor, count, scope, {"clip": None})
 
     def _sequence(self, query: Query, *, mirrored: bool = False) -> Float32Array:
         """[T, 15, 3] of a query, as the network reads it."""

@@ -74,11 +74,21 @@ class WindowScan:
             con: to the catalog.
             without: `clip`, `first`, `last`: windows of this clip that overlap these frames are no answer.
         """
+        near = self.near(con, descriptor, k + SPARE, scope, without)
+        return holding_among(self.lake, con, self.known, self.vectors, descriptor, k, without, near)
+
+    def near(
+        self, con: Connection, descriptor: Float32Array, count: int, scope: Scope, without: Mapping[str, Any]
+    ) -> dict[str, str]:
+        """So many clips, nearest first, with the part of each, as codes tell how near they are to a descriptor [512].
+
+        Args:
+            con, without: as of `holding`.
+        """
         admitted = None
         if scope.as_parameters(con) != Scope().as_parameters(con):
             admitted = {row["clip"] for row in fetch(con, "clips_admitted", scope.as_parameters(con))}
-        near = self._nearest(descriptor, k + SPARE, admitted, without)
-        return holding_among(self.lake, con, self.known, self.vectors, descriptor, k, without, near)
+        return self._nearest(descriptor, count, admitted, without)
 
     def _nearest(
         self, descriptor: Float32Array, count: int, admitted: set[str] | None, without: Mapping[str, Any]
