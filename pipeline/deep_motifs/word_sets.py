@@ -16,7 +16,7 @@ from motionlake.kernels import njit
 from motionlake.threads import in_threads
 
 MOST: Final = 12  # words of a run that are compared; of a longer one as many, evenly spread
-BLOCK: Final = 64  # runs that are compared with those before them at a time
+BLOCK: Final = 16  # runs that are compared with those before them at a time
 THREADS: Final = 2
 _ROUNDING: Final = 1e-5
 
@@ -52,16 +52,17 @@ def set_matrix(words: Float32Array, runs: Int64Array) -> Float64Array:
 
     Threads compare some runs at a time with those before them, and hold no more distances of words than these have.
     """
-    used, places = np.unique(runs, return_inverse=True)
-    places, known = places.reshape(runs.shape), words[used]
+    held = words[runs.T]  # [m, v, d]: the first words of all runs, then their second ones
+    lengths = np.einsum("mvd,mvd->mv", held, held)
     found = np.zeros((len(runs), len(runs)))
 
     def compare(first: int) -> None:
-        some = places[first : first + BLOCK]
-        own, rows = np.unique(some, return_inverse=True)
-        columns = places[: first + len(some)].max() + 1
-        between = _between(known[own], known[:columns])
-        _some_with_those_before(between, rows.reshape(some.shape), places, first, found)
+        last = min(first + BLOCK, len(runs))
+        own = held[:, first:last].reshape(-1, held.shape[2])
+        products = np.empty((len(held), len(own), last), dtype=np.float32)
+        for word, others in enumerate(held[:, :last]):
+            np.matmul(own, others.T, out=products[word])
+        _some_with_those_before(products, lengths[:, first:last], lengths[:, :last], first, found)
 
     in_threads(compare, range(0, len(runs), BLOCK)[::-1], THREADS)  # those that have most before them first
     return found
@@ -107,26 +108,39 @@ def _one_with_many(between: Float32Array, runs: Int64Array, out: Float64Array) -
         out[run] = (total / runs.shape[1] + nearest.mean()) / 2
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
 def _some_with_those_before(
-    between: Float32Array, some: Int64Array, runs: Int64Array, first: int, out: Float64Array
+    products: Float32Array, own: Float32Array, others: Float32Array, first: int, out: Float64Array
 ) -> None:
-    """Kernel: `out` [v, v] gets how far each of `some` runs [b, m], from the `first` on, is from those before it.
+    """Kernel: `out` [v, v] gets how far each of b runs, from the `first` on, is from those before it.
 
-    `between` [w, W] are distances of their words from those of all runs [v, m].
+    Loops over those before lie innermost, side by side in memory, so that they are compiled to wide instructions.
+
+    Args:
+        products: [m, m * b, v] of the words of all runs, first ones first, with those of the b runs in the same order.
+        own, others: [m, b] and [m, v] squared lengths of these words.
     """
-    length = runs.shape[1]
-    nearest = np.empty(length)
-    for row in range(len(some)):
-        one = first + row
+    length, size = own.shape
+    two, rounding, zero, inf = np.float32(2), np.float32(_ROUNDING), np.float32(0), np.float32(np.inf)
+    to_own, to_other = np.empty((length, others.shape[1]), np.float32), np.empty(others.shape[1], np.float32)
+    for run in range(size):
+        one = first + run
+        total = np.zeros(one)
+        to_own[:] = inf
+        for j in range(length):
+            to_other[:] = inf
+            for i in range(length):
+                row, nearest, size_of_own = products[j, i * size + run], to_own[i], own[i, run]
+                for other in range(one):
+                    lengths = size_of_own + others[j, other]
+                    square = lengths - two * row[other]
+                    square = square if square > rounding * lengths else zero
+                    to_other[other] = square if square < to_other[other] else to_other[other]
+                    nearest[other] = square if square < nearest[other] else nearest[other]
+            for other in range(one):
+                total[other] += np.sqrt(to_other[other])
+        for i in range(length):
+            for other in range(one):
+                total[other] += np.sqrt(to_own[i, other])
         for other in range(one):
-            nearest[:] = np.inf
-            total = 0.0
-            for j in range(length):
-                least = np.inf
-                for i in range(length):
-                    apart = between[some[row, i], runs[other, j]]
-                    least = min(least, apart)
-                    nearest[i] = min(nearest[i], apart)
-                total += least
-            out[one, other] = out[other, one] = (total + nearest.sum()) / (2 * length)
+            out[one, other] = out[other, one] = total[other] / (2 * length)
