@@ -61,10 +61,11 @@ def of_clips(
 
 def by_file(lake: Lake, files: Mapping[str, str], clips: Mapping[str, str]) -> dict[str, set[str]]:
     """The same clips by file, in the order of the names of files."""
+    made = {part: files[part] for part in set(clips.values()) if part in files and is_listed(lake, files[part])}
     wanted: dict[str, set[str]] = {}
     for clip, part in clips.items():
-        if part in files and is_listed(lake, files[part]):
-            wanted.setdefault(files[part], set()).add(clip)
+        if part in made:
+            wanted.setdefault(made[part], set()).add(clip)
     return dict(sorted(wanted.items()))
 
 
