@@ -16,7 +16,7 @@ from motionlake import kernels
 from motionlake.motion import dtw, stacks
 from motionlake.motion.dtw import clip_dtw, clip_dtws
 from motionlake.motion.stacks import Halves, Stack, aligned
-from motionlake.pesta import scan
+from motionlake.pesta import nearest, scan
 from motionlake.pesta.config import AlignmentConfig
 from motionlake.pesta.nearest import nearest_strings
 from motionlake.pesta.plain_scan import GROUP, least_costs
@@ -126,6 +126,7 @@ def test_costs_of_strings_without_a_kernel_are_its_own(query: int, sizes: list[i
         answers = nearest_strings(asked, strings, distances, 5, config)
         patch.setattr(scan, "few", lambda cells: True)
         np.testing.assert_array_equal(best_per_clip(asked, strings, distances, config), costs)
+        patch.setattr(nearest, "few", lambda cells: True)
         assert nearest_strings(asked, strings, distances, 5, config) == answers
 
 

@@ -114,13 +114,13 @@ def nearest_strings(
     if without is not None:
         search.bounds[without] = np.inf
     clips = search.by_bound(np.flatnonzero(search.bounds < np.inf)) if k else np.zeros(0, dtype=np.int64)
-    first, rest = np.split(clips, [max(FIRST, OF_EACH * k)])
+    first, rest = np.split(clips, [max(FIRST, OF_EACH * k) if search.bounded else len(clips)])
     first = search.with_query(first)
     if len(rest):  # what the nearest of some cost tells in which others the query need not be searched for
         probed = max(BATCH, k)
-        search.compare(first[:probed])
+        search.compare(first[:probed], BATCH)
         first = search.by_bound(np.concatenate([first[probed:], search.with_query(search.by_bound(rest))]))
-    search.compare(first)
+    search.compare(first, BATCH if search.bounded else max(BATCH, k))
     return [(clip, cost) for cost, clip in sorted(search.found)[:k]]
 
 
@@ -137,6 +137,7 @@ class _Search:
     """What is known of the clips of a repository that are compared with a query.
 
     Attributes:
+        bounded: whether symbols tell what clips cost at least.
         bounds: [n] what each costs at least both ways; infinite where it is empty.
         found: costs and clips.
     """
@@ -147,6 +148,7 @@ class _Search:
     ) -> None:  # fmt: skip
         self._symbols, self._repository, self._ground, self._config = symbols, repository, ground, config
         self._both, self._threads, self._known = both, threads, known
+        self.bounded = not config.local and not few(0)  # else a kernel would be imported for it
         self._in_query = self._least_in_query()
         self._with_query = np.full(len(repository), np.inf, dtype=np.float32)
         least = np.float32(-np.inf if config.local else 0)  # with Smith-Waterman, what is alike costs less than nothing
@@ -156,7 +158,7 @@ class _Search:
 
     def _least_in_query(self) -> Float32Array:
         """[n] what each clip costs at least in the query, for each of its symbols."""
-        if few(0):  # a kernel would be imported for it
+        if not self.bounded:
             return np.full(len(self._repository), -np.inf if self._config.local else 0, dtype=np.float32)
         return bounds_of_strings(self._symbols, self._repository, self._ground, self._config, threads=self._threads)
 
@@ -173,10 +175,13 @@ class _Search:
         self.bounds[clips] = _both_ways(self._with_query[clips], self._in_query[clips], self._both)
         return self.by_bound(clips)
 
-    def compare(self, clips: Int64Array) -> None:
-        """Search for clips, those of the least bounds first, in the query, until no more can be among the nearest."""
-        for first in range(0, len(clips), BATCH):
-            some = clips[first : first + BATCH]
+    def compare(self, clips: Int64Array, at_once: int) -> None:
+        """Search for clips, those of the least bounds first, in the query, until no more can be among the nearest.
+
+        `at_once`: how many; without a kernel it takes long to begin.
+        """
+        for first in range(0, len(clips), at_once):
+            some = clips[first : first + at_once]
             some = some[self.bounds[some] <= self._known.limit]
             if not len(some):
                 return
