@@ -14,13 +14,12 @@ from motionlake.jobs.session import Session
 from motionlake.lake.catalog import fetch, load_rows, reading, run_sql, table_of, writing
 from motionlake.lake.integrity import (
     FileSums,
-    frames_by_part,
     list_files,
     listed_in,
-    named_files,
     sums_of,
 )
 from motionlake.lake.mend import Mended
+from motionlake.lake.named_files import frames_by_part, named_files
 from motionlake.lake.verify import deep_faults
 from motionlake.names import on_disk
 from motionlake.stages.frames import FRAMES, shard_of

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 from motionlake import memory
 from motionlake.jobs.results import Outcome, Results, planned_rows
 from motionlake.jobs.shards import Bundle, OnCluster, bundled, clips_in, run_here, with_inputs
-from motionlake.lake.catalog import bring_macros, collect_garbage, create_catalog, load_rows, writing
+from motionlake.lake.catalog import bring_macros, create_catalog, load_rows, writing
 from motionlake.lake.config import LakeConfig, load_config
+from motionlake.lake.garbage import collect_garbage
 from motionlake.lake.integrity import check_files
 from motionlake.lake.layout import Lake
 from motionlake.lake.lock import locked

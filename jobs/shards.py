@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Final, cast
 from motionlake.allocation import keep_freed
 from motionlake.errors import DamagedError, UserError
 from motionlake.lake.catalog import reading
-from motionlake.lake.integrity import bring, damage, fault, frames_by_part, given, listed_in, named_files, sums_of
+from motionlake.lake.integrity import bring, damage, fault, given, listed_in, sums_of
 from motionlake.lake.layout import Lake
+from motionlake.lake.named_files import frames_by_part, named_files
 from motionlake.stages.file_watch import at_fault, replaceable
 from motionlake.stages.part_clips import read_together
 from motionlake.stages.stage import Shard, ShardResult, ShardStage

@@ -9,8 +9,9 @@ from pathlib import Path
 import duckdb
 import pytest
 from motionlake.lake import working
-from motionlake.lake.catalog import Connection, reading, remove_stale_copies, run_sql, writing
+from motionlake.lake.catalog import Connection, reading, run_sql, writing
 from motionlake.lake.catalog_file import sums_of_file
+from motionlake.lake.garbage import remove_stale_copies
 from motionlake.lake.integrity import is_listed
 from motionlake.lake.layout import Lake, open_lake
 from motionlake.lake.working import deferred, serve, version

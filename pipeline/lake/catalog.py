@@ -10,7 +10,7 @@ from __future__ import annotations
 import errno
 import os
 import weakref
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from threading import local
@@ -22,7 +22,7 @@ from motionlake.errors import DamagedError, UserError, explained
 from motionlake.lake.catalog_file import announce_catalog, catalog_written, check_catalog
 from motionlake.lake.host import attached, elsewhere, room, seen_by_thread
 from motionlake.lake.layout import Lake
-from motionlake.lake.lock import share, unread
+from motionlake.lake.lock import share
 from motionlake.lake.parts import replacing
 from motionlake.lake.working import Version, deferred, version, working_copy
 from motionlake.stopping import held
@@ -339,30 +339,3 @@ def refresh_views(con: Connection, lake: Lake) -> None:
 
 def table_of(rows: Sequence[Mapping[str, Any]], schema: pa.Schema) -> pa.Table:
     return pa.Table.from_pylist(list(rows), schema=schema)
-
-
-def remove_stale_copies(lake: Lake) -> None:
-    """Delete the unfinished files of killed runs in the lake's own folder; the caller holds the lake's lock."""
-    for pattern in (".*.tmp", ".*.tmp.wal", ".probe-*"):
-        for path in lake.root.glob(pattern):
-            if not path.is_dir():
-                path.unlink(missing_ok=True)
-
-
-def collect_garbage(lake: Lake, folders: Iterable[str]) -> None:
-    """Delete what killed runs left, and, while nobody reads, parts in folders of the lake that the catalog does not
-    name: views read whatever parts there are.
-
-    The caller holds the lake's lock.
-    """
-    remove_stale_copies(lake)
-    with reading(lake) as con:
-        live = {row["file"] for row in fetch(con, "live_files")}
-    dead = [lake.root / file for file in lake.files(folders) if file not in live]
-    unfinished = [path for path in dead if path.name.startswith(".")]
-    for path in unfinished:
-        path.unlink()
-    if len(dead) > len(unfinished):
-        with unread(lake) as alone:
-            for path in dead if alone else ():
-                path.unlink(missing_ok=True)

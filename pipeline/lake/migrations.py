@@ -27,12 +27,12 @@ from motionlake.lake.catalog import (
     open_catalog,
     refresh_macros,
     refresh_views,
-    remove_stale_copies,
     run_sql,
     table_of,
     version_of,
 )
 from motionlake.lake.frames import KEY, SCHEMA, RigsFooter, clip_tables, footer_clip, motion_footer
+from motionlake.lake.garbage import remove_stale_copies
 from motionlake.lake.integrity import FILE_ROWS, sums_of
 from motionlake.lake.layout import Lake
 from motionlake.lake.lock import locked
