@@ -31,7 +31,7 @@ from bench.long_clips import Recording, read_recordings, write_long_clips
 from bench.memory import LINGER, ended_seconds, orphans_adopted
 from bench.record import record, recordings
 from bench.scale_search import clips_in
-from bench.whole_lake import empty
+from bench.whole_lake import empty, options_of
 
 YEAR: Final = 365
 STATE: Final = "nights.json"
@@ -94,11 +94,6 @@ def begin(given: argparse.Namespace, folder: Path, sources: Sequence[Recording])
     options = options_of(given, folder)
     made = {"ingest": command("ingest", folder / "clips", *options), "run": command("run", "all", *options)}
     return {"first": given.first, "made": made, "each_night": []}
-
-
-def options_of(given: argparse.Namespace, folder: Path) -> Sequence[str | Path]:
-    """What every command that writes is told."""
-    return ("--lake", folder / "lake", *(("--workers", str(given.workers)) if given.workers else ()))
 
 
 def a_night(

@@ -170,13 +170,10 @@ class ByAlignment(Method):
     def sketch(self, value: Value) -> Float32Array:
         return string_sketch(value, self._codes)
 
-    def among(self, value: Value, rows: Int64Array, k: int) -> Answers:
-        return self._among(value, rows, k, None)
-
     def first(self, k: int) -> Compare:
-        return partial(self._among, k=k, so_far=LeastCosts(k))
+        return partial(self.among, k=k, so_far=LeastCosts(k))
 
-    def _among(self, value: Value, rows: Int64Array, k: int, so_far: LeastCosts | None) -> Answers:
+    def among(self, value: Value, rows: Int64Array, k: int, so_far: LeastCosts | None = None) -> Answers:
         # Of so few in one thread.
         found = nearest_strings(value, self._strings(rows), self._distances, k, self._config, so_far=so_far)
         return rows[[at for at, _ in found]], np.array([cost for _, cost in found])
