@@ -13,7 +13,7 @@ Rows without a bar have HumanML3D's files read to rotations: against reading joi
 inverse kinematics written anew, which takes the smallest turn of each bone. Here pelvis and chest turn as a whole; of
 features limbs turn about their bones as elbows and knees bend, and joints are placed again and compared.
 
-FBX and USD are read here in a process of their own, by the same libraries. One process, one thread but for what pandas
+FBX is read here in a process of its own, by the same library. One process, one thread but for what pandas
 starts, calls interleaved, medians; files lie in the system's cache, and compiled code is warm.
 """
 

@@ -14,7 +14,7 @@ from motionlake.errors import ClipError
 from motionlake.formats import read_clips
 from motionlake.formats.clip_checks import check_clip
 from motionlake.formats.limits_config import Limits
-from motionlake.formats.parse import usd_nodes
+from motionlake.formats.parse import usd_library
 from motionlake.formats.parse.scene_nodes import SceneNodes
 from motionlake.motion.clip import SolvedMotion, SourceClip
 from motionlake.motion.kinematics import solve
@@ -265,7 +265,7 @@ def test_references_within_a_file_that_multiply_without_end_are_stopped(tmp_path
 def test_a_file_that_needs_the_library_says_which_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pxr", None)
     with pytest.raises(ClipError, match=r"needs usd-core: pip install 'motionlake\[usd\]'"):
-        usd_nodes._sent(usda_text().encode(), tmp_path)
+        usd_library._sent(usda_text().encode(), tmp_path)
 
 
 # Reads each file of a folder in a fork of one process that has the library: as `serve` does, a hundred times a second.
@@ -273,7 +273,7 @@ READING = """
 import os, pathlib, resource, signal, sys, tempfile
 from motionlake.errors import ClipError
 from motionlake.formats.limits_config import Limits, within
-from motionlake.formats.parse import usd_nodes
+from motionlake.formats.parse import usd_library
 import pxr.UsdSkel, pxr.UsdGeom, scipy.spatial.transform
 os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
 for path in sorted(pathlib.Path(sys.argv[1]).iterdir()):
@@ -285,7 +285,7 @@ for path in sorted(pathlib.Path(sys.argv[1]).iterdir()):
         code = 2
         try:
             with within(Limits()), tempfile.TemporaryDirectory() as folder:
-                sent = usd_nodes._sent(path.read_bytes(), pathlib.Path(folder))
+                sent = usd_library._sent(path.read_bytes(), pathlib.Path(folder))
                 path.with_suffix(".sent").write_bytes(b"".join(sent))
                 code = 0
         except ClipError as error:

@@ -1,4 +1,4 @@
-"""USD: the skeletons of a stage, moved by their animations. Read through usd-core, an optional library."""
+"""USD: the skeletons of a stage, moved by their animations. All but plain binary layers need usd-core, an option."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class UsdReader:
         """Read every skeleton along the stage's time line, sampled at the rate of the keys, which a note says.
 
         Raises:
-            ClipError: usd-core is not installed, cannot read the file, or finds no animated skeleton; a file that is
-                made of other files.
+            ClipError: usd-core is needed and not installed, cannot read the file, or finds no animated skeleton; a file
+                that is made of other files.
         """
         return read_nodes(data).clips(fps)
 

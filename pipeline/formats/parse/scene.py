@@ -29,6 +29,7 @@ from motionlake.names import printable, unique
 # Shares of the body's size: what a joint's place under its parent may waver by and still be one offset.
 STEADY: Final = 1e-5
 FLATTEST: Final = 1e-12  # a matrix whose determinant is smaller, its largest number being 1, turns a body into a plane
+ROUNDING: Final = 1e-12  # of the largest number
 UNEQUAL: Final = 1e-3  # of a scale's largest number
 LONGEST_NAME: Final = 100
 NO_PLACE: Final = "has a node that is scaled to nothing, or placed at no number"
@@ -52,6 +53,8 @@ class Placing:
     def of_matrices(cls, matrices: Float64Array) -> Placing:
         """Of [F, 4, 4] matrices that turn column vectors; shear is lost, as everywhere where nodes have none."""
         linear = matrices[:, :3, :3]
+        if np.isfinite(matrices).all() and (linear == np.eye(3)).all():  # much of what rests
+            return cls(matrices[:, :3, 3].copy(), *(np.tile(one, (len(matrices), 1)) for one in (IDENTITY, np.ones(3))))
         if not _are_sound(matrices).all():
             raise ClipError("has a node whose matrix is no placement")
         scale = np.linalg.norm(linear, axis=1)
@@ -102,7 +105,8 @@ def beside_each_other(placings: Sequence[Placings]) -> Placings:
     """Those of some nodes and those of others, in single precision where no number loses by it."""
     found = []
     for parts in zip(*(vars(each).values() for each in placings), strict=True):
-        single = all(part.dtype.itemsize <= 4 or (part[:1].astype(np.float32) == part).all() for part in parts)
+        with np.errstate(over="ignore"):
+            single = all(part.dtype.itemsize <= 4 or (part[:1].astype(np.float32) == part).all() for part in parts)
         nodes = [part.shape[1] for part in parts]
         whole = np.empty((max(map(len, parts)), sum(nodes), parts[0].shape[2]), np.float32 if single else np.float64)
         for part, end in zip(parts, itertools.accumulate(nodes), strict=True):
@@ -176,6 +180,8 @@ def bind_pose(tree: JointTree, rest: Sequence[Placing], bound: Mapping[int, Floa
     place = {node: number for number, node in enumerate(node for node, fits in zip(nodes, sound, strict=True) if fits)}
     chosen = np.array([place.get(node, -1) for node in tree.joints])
     as_bound = _inverse(given[sound])
+    if len(as_bound) == len(tree.joints) and _are_alike(as_bound, matrices[tree.root :]):
+        return standing
     above = matrices[tree.parents[tree.root]] if tree.root else np.eye(4)
     best, nearest = standing, np.inf
     for axes in (np.eye(4), above):
@@ -209,6 +215,11 @@ def _matrices(tree: JointTree, rest: Sequence[Placing]) -> Float64Array:
     if not _are_sound(local).all():
         raise ClipError(NO_PLACE)
     return local
+
+
+def _are_alike(some: Float64Array, others: Float64Array) -> bool:
+    """Whether matrices are the same but for what is lost in rounding."""
+    return bool(np.abs(some - others).max() <= ROUNDING * np.abs(others).max())
 
 
 def _inverse(matrices: Float64Array) -> Float64Array:

@@ -1,20 +1,16 @@
-"""The numbers of attributes of a USD stage, and of what a skeleton's animation says of its joints."""
+"""The numbers of attributes of a USD stage, and of what a skeleton's animation says of its joints, by usd-core."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
-from motionlake.arrays import Float64Array
+from motionlake.arrays import Float64Array, FloatArray
 from motionlake.errors import ClipError
 from motionlake.formats.limits_config import limits
-from motionlake.motion.rotations import MIN_LENGTH
-from numpy.typing import NDArray
-
-QUATERNION: Final = 4  # numbers
-AT_KEY: Final = 1e-8  # time codes: how far from an instant a key may be and still be at it
+from motionlake.formats.parse.usd_scene import QUATERNION, real_first, rows_at
 
 
 def numbers_of_attribute(attribute: Any, *code: float) -> Float64Array:
@@ -50,7 +46,7 @@ class Track:
         found: dict[float, Any] = layer.GetAttributeAtPath(path).GetInfo("timeSamples")
         return found
 
-    def sampled(self, codes: Float64Array, joints: int, width: int) -> NDArray[Any]:
+    def sampled(self, codes: Float64Array, joints: int, width: int) -> FloatArray:
         """[F, A, width] what is said of its A joints at time codes, or [1, A, width] where it says one thing.
 
         Of quaternions the real part comes first.
@@ -62,21 +58,15 @@ class Track:
         values = self._of_keys(codes, joints, width)
         if values is None:
             values = _of_instants(query, codes.tolist(), joints, width)
-        if width != QUATERNION:
-            return values
-        turns = np.empty(values.shape, values.dtype)
-        turns[..., 0], turns[..., 1:] = values[..., 3], values[..., :3]
-        return turns
+        return real_first(values) if width == QUATERNION else values
 
-    def _of_keys(self, codes: Float64Array, joints: int, width: int) -> NDArray[Any] | None:
+    def _of_keys(self, codes: Float64Array, joints: int, width: int) -> FloatArray | None:
         """The same of keys, of quaternions the real part last; None where there is not one at every time code.
 
         This takes a fifth of the time of asking for one time code after the other.
         """
-        if not self._keyed:
-            return None
-        at = np.minimum(np.searchsorted(self.times, codes - AT_KEY), len(self.times) - 1)
-        if not (np.abs(self.times[at] - codes) <= AT_KEY).all():
+        rows = rows_at(self.times, codes) if self._keyed else None
+        if not self._keyed or rows is None:
             return None
         values = list(self._keyed.values())
         first = np.asarray(values[0])
@@ -84,11 +74,10 @@ class Track:
             return None
         if len(set(map(type, values))) > 1 or set(map(len, values)) != {joints}:
             return None
-        every = np.frombuffer(b"".join(values), first.dtype).reshape(len(values), joints, width)
-        return every if len(at) == len(every) and (np.diff(at) == 1).all() else every[at]
+        return np.frombuffer(b"".join(values), first.dtype).reshape(len(values), joints, width)[rows]
 
 
-def _of_instants(query: Any, codes: Sequence[float], joints: int, width: int) -> NDArray[Any]:
+def _of_instants(query: Any, codes: Sequence[float], joints: int, width: int) -> FloatArray:
     """[F, A, width] of an attribute at one time code after the other; of quaternions the real part comes last."""
     try:
         values = np.array([np.asarray(query.Get(code)) for code in codes])
@@ -101,10 +90,3 @@ def _of_instants(query: Any, codes: Sequence[float], joints: int, width: int) ->
         if numbers_of_attribute(track, code).shape != (joints, width):
             raise ClipError(f"its {track.GetName()} at {code:g} are not one for each of its {joints} joints")
     return np.array([numbers_of_attribute(track, code) for code in codes])
-
-
-def check_turns(turns: NDArray[Any], codes: Float64Array) -> None:
-    """Reject quaternions [F, J, 4] at time codes that have no length."""
-    sound = (np.einsum("fjn,fjn->fj", turns, turns) > MIN_LENGTH**2).all(axis=1)
-    if not sound.all():
-        raise ClipError(f"has a rotation of length zero at {codes[sound.argmin()]:g}")
