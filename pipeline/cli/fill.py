@@ -37,7 +37,7 @@ from motionlake.stages.removal import (
     remove_sources,
     sources_of,
 )
-from motionlake.stages.source_files import scan
+from motionlake.stages.source_files import holds_clips
 from motionlake.stages.sources import AUTO, IngestOptions, Root, check_options, known_roots
 
 SHOWN = 5  # files that a notice names
@@ -161,7 +161,7 @@ def _check_clips(lake: Lake, roots: Sequence[Root]) -> None:
         with reading(lake) as con:
             known = {(root.dataset, root.root) for root in known_roots(con)}
     for root in roots:
-        if (root.dataset, root.root) not in known and next(scan(root.folder, lake), None) is None:
+        if (root.dataset, root.root) not in known and not holds_clips(root.folder, lake):
             suffixes = sorted({suffix for reader in readers() for suffix in reader.suffixes})
             raise UserError(f"{root.root}: no clip files; motionlake reads {', '.join(suffixes)}, and .gz of each")
 

@@ -22,7 +22,7 @@ from typing import Final, NamedTuple, TypeVar
 
 import pyarrow as pa
 from motionlake.errors import DamagedError
-from motionlake.lake.catalog import Connection, load_rows, remember, remembered, run_sql, table_of
+from motionlake.lake.catalog import Connection, fetch_table, load_rows, remember, remembered, table_of
 from motionlake.lake.layout import Lake
 from motionlake.threads import in_threads
 
@@ -100,9 +100,34 @@ def _blocks(handle: FileIO) -> Iterator[memoryview]:
         yield block[:count]
 
 
-def listed_in(con: Connection) -> dict[str, FileSums]:
+class ListedFiles(Mapping[str, FileSums]):
+    """Files of a catalog by name, kept as columns: of tens of thousands of files a command asks for a few."""
+
+    def __init__(self, table: pa.Table) -> None:
+        self._columns = [table[name].combine_chunks() for name in FileSums._fields]
+        self._rows = {name: row for row, name in enumerate(self._columns[0].to_pylist())}
+
+    def __getitem__(self, file: str) -> FileSums:
+        row = self._rows[file]
+        return FileSums(*(column[row].as_py() for column in self._columns))
+
+    def __contains__(self, file: object) -> bool:
+        return file in self._rows
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._rows)
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def every(self) -> list[FileSums]:
+        """All of them, in the order of their names."""
+        return list(map(FileSums, *(column.to_pylist() for column in self._columns)))
+
+
+def listed_in(con: Connection) -> ListedFiles:
     """Every file that a catalog lists."""
-    return {row[0]: FileSums._make(row) for row in run_sql(con, "files").fetchall()}
+    return ListedFiles(fetch_table(con, "files"))
 
 
 def list_files(con: Connection, files: Iterable[FileSums]) -> None:
@@ -193,7 +218,7 @@ def touched_faults(lake: Lake, wanted: Iterable[FileSums]) -> list[tuple[FileSum
 
 def faults_of_now(lake: Lake) -> list[tuple[FileSums, str]]:
     """`touched_faults` of every file that the catalog lists which this process reads now."""
-    return touched_faults(lake, _listed(lake).values())
+    return touched_faults(lake, _listed(lake).every())
 
 
 def check_files(lake: Lake) -> None:
@@ -325,7 +350,7 @@ def _readable(lake: Lake) -> Listed:
     return _listed(lake) if given_here is None else given_here
 
 
-def _listed(lake: Lake) -> Listed:
+def _listed(lake: Lake) -> ListedFiles:
     """What the catalog that this thread reads now lists."""
     return remembered(lake, "files", listed_in)
 

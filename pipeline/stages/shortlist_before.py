@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import compress
 from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
 from motionlake.arrays import BoolArray, Int64Array
+from motionlake.columns import column_of, numbers
 from motionlake.lake.integrity import listed_in
 from motionlake.lake.layout import Lake
 from motionlake.motion.moves import KIND
@@ -48,7 +48,7 @@ class Staying:
 
 def staying(
     table: pa.Table, clips: pa.Table, kind: Kind, files: Sequence[str], written: Sequence[int],
-    still: Callable[[int, str], bool],
+    still: Callable[[Int64Array, Int64Array], BoolArray],
 ) -> Staying | None:  # fmt: skip
     """The clips that stay; None where so few do that all must be written anew.
 
@@ -58,26 +58,42 @@ def staying(
         kind: of its pieces.
         files: it consists of.
         written: rows of each piece.
-        still: whether what it has of the clip of a row, in a part of today, is what it would be given.
+        still: of clips in the same part as then, by their rows then and today, whether what it has is what they would
+            be given.
     """
-    rows = {pair: row for row, pair in enumerate(_pairs(table))}
-    found = [(rows[pair], row) for row, pair in enumerate(_pairs(clips)) if pair in rows and still(rows[pair], pair[1])]
-    old, new = np.array(found, dtype=np.int64).reshape(-1, 2).T
-    kept = serving(written, RowPlaces.of(table, kind), old, len(clips) - len(found))
+    old, new = same_rows(table, clips)
+    same = still(old, new)
+    old, new = old[same], new[same]
+    kept = serving(written, RowPlaces.of(table, kind), old, len(clips) - len(old))
     return Staying(old, new, dict(zip(kind.among(files)[:kept], written, strict=False))) if kept else None
+
+
+def same_rows(table: pa.Table, clips: pa.Table) -> tuple[Int64Array, Int64Array]:
+    """[m] rows of a table of clip and part that have the same in another, and [m] the rows there, which grow."""
+    from pyarrow import compute
+
+    at = compute.index_in(clips["clip"], value_set=table["clip"].combine_chunks())
+    known = numbers(compute.fill_null(at, -1)).astype(np.int64)
+    new = np.flatnonzero(known >= 0)
+    old = known[new]
+    alike = compute.equal(table["part"].take(column_of(old)), clips["part"].take(column_of(new)))
+    same = numbers(alike.cast(pa.int8())) > 0
+    return old[same], new[same]
 
 
 def files_by_part(files: Mapping[str, str], clips: pa.Table, others: BoolArray) -> dict[str, str]:
     """Of the files of parts those that hold some of [n] clip and part."""
-    wanted = dict.fromkeys(compress(clips["part"].to_pylist(), others))
+    wanted = dict.fromkeys(clips["part"].take(column_of(np.flatnonzero(others))).to_pylist())
     return {part: files[part] for part in wanted if part in files}
 
 
 def rows_by_file(files: Mapping[str, str], clips: pa.Table, others: BoolArray) -> dict[str, dict[str, int]]:
     """The rows of some clips, by name, of the file of each part: one may hold more, which are other parts' by now."""
     found: dict[str, dict[str, int]] = {}
-    for row, (clip, part) in enumerate(_pairs(clips)):
-        if others[row] and part in files:
+    rows = np.flatnonzero(others)
+    some = clips.take(column_of(rows))
+    for row, clip, part in zip(rows.tolist(), some["clip"].to_pylist(), some["part"].to_pylist(), strict=True):
+        if part in files:
             found.setdefault(files[part], {})[clip] = row
     return found
 
@@ -176,10 +192,12 @@ class MovesBefore(Staying):
             return None
         if len(clips) > GROWN * int(said[FITTED]):
             return None
-        known = set(json.loads(said[READ]))
+        known, parts = set(json.loads(said[READ])), clips["part"].combine_chunks().dictionary_encode()
+        read = np.array([moves.get(part) in known for part in parts.dictionary.to_pylist()], dtype=np.bool_)
 
-        def still(_: int, part: str) -> bool:
-            return moves.get(part) in known
+        def still(_: Int64Array, new: Int64Array) -> BoolArray:
+            found: BoolArray = read[numbers(parts.indices)[new]]
+            return found
 
         found = staying(table, clips, PIECES, files, json.loads(said[FRAMES]), still)
         return None if found is None else MovesBefore(found.old, found.new, found.pieces, int(said[FITTED]))
@@ -191,7 +209,3 @@ def said_of_moves(version: int, fitted: int, read: Sequence[str], pieces: Sequen
     return {
         "version": str(version), FITTED: str(fitted), READ: json.dumps(sorted(read)), FRAMES: json.dumps(list(pieces)),
     }  # fmt: skip
-
-
-def _pairs(table: pa.Table) -> list[tuple[Any, Any]]:
-    return list(zip(table["clip"].to_pylist(), table["part"].to_pylist(), strict=True))

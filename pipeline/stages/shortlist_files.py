@@ -60,6 +60,11 @@ def is_of_windows(file: str) -> bool:
     return _name(file).startswith("windows")
 
 
+def is_of_moves(file: str) -> bool:
+    """Whether it holds moves (`motionlake.stages.shortlist_moves`)."""
+    return _name(file).startswith("moves")
+
+
 def string_sketch(symbols: Sequence[int] | NDArray[np.int32], codes: Float64Array) -> Float32Array:
     """[CODES * d] the codes [m, d] of a string of symbols at some instants."""
     return instants(codes[np.asarray(symbols)], CODES).ravel()

@@ -24,6 +24,7 @@ from motionlake.stages.shortlist_before import (
     said_of_moves,
 )
 from motionlake.stages.shortlist_files import (
+    CLIPS,
     HALF,
     INSTANTS,
     SAMPLE,
@@ -31,6 +32,7 @@ from motionlake.stages.shortlist_files import (
     Made,
     Places,
     ShortlistFiles,
+    is_of_moves,
     no_sketches,
     write_array,
     write_directions,
@@ -83,11 +85,12 @@ class _Moves:
 def moves_to_read(at: LakeReader, there: Sequence[str], clips: pa.Table) -> dict[str, Any]:
     """What a shard of a lake reads of [n] clip and part: of the shortlist with some files what serves on, and parts."""
     files = moves_of_parts(at)
-    before = MovesBefore.of(at.lake, there, LAYOUT, clips, files) if there else None
+    own = [file for file in there if is_of_moves(file) or file.endswith(CLIPS)]
+    before = MovesBefore.of(at.lake, own, LAYOUT, clips, files) if own else None
     if before is None:
         return {"moves": list(files.values())}
     others = before.others(len(clips))
-    return {"moves": list(files_by_part(files, clips, others).values()), **as_named("moves", there, before)}
+    return {"moves": list(files_by_part(files, clips, others).values()), **as_named("moves", own, before)}
 
 
 def moves_of_clips(at: LakeReader, shard: Shard, clips: pa.Table, places: Places) -> Made:

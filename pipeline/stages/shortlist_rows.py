@@ -102,7 +102,7 @@ class Rows:
             return None
         held = RowPlaces.of(table, self.kind).count
         written = json.loads(said[self._written])
-        return staying(table, clips, self.kind, files, written, lambda row, _: bool(held[row]))
+        return staying(table, clips, self.kind, files, written, lambda old, _: held[old] > 0)
 
 
 def _dictionary(con: Connection) -> list[str]:

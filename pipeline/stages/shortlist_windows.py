@@ -131,7 +131,7 @@ class _Before(Staying):
         if there is None or len(clips) > GROWN * int(said_of(there.clips)[FITTED]):
             return None
         held, written = np.diff(there.starts), json.loads(said_of(there.clips)[WRITTEN])
-        found = staying(there.clips, clips, PIECES, files, written, lambda row, _: bool(held[row]))
+        found = staying(there.clips, clips, PIECES, files, written, lambda old, _: held[old] > 0)
         return None if found is None else _Before(found.old, found.new, found.pieces, there)
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from array import array
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -23,7 +22,7 @@ from motionlake.lake.layout import Lake
 from motionlake.motion.rigs_config import RigsConfig
 from motionlake.motion.units import UNITS
 from motionlake.names import folded, kept, on_disk
-from motionlake.stages.source_files import SourceFile, content_hash, scan
+from motionlake.stages.source_files import SourceFile, SourceFiles, content_hash, scan
 
 UPS = ("x", "y", "z", "-x", "-y", "-z")
 FRAMES_VERSION = 1
@@ -226,14 +225,16 @@ def compare(
             f"dataset {root.dataset}: holds synthetic clips; give {root.root} a dataset of its own (--dataset NAME)"
         )
     ignored = frozenset(root.options.ignored)
-    found = [file for file in scan(root.folder, lake) if file.path not in ignored]
+    found = scan(root.folder, lake)
+    if ignored:
+        found = found.without(ignored)
     rejects = fetch(con, "rejects_of", {"dataset": root.dataset})
     retried = {r["path"] for r in rejects if retry_failed or raised(r["reason"], allowed)}
     listed = _rows(found)
     given = {"dataset": root.dataset, "root": base}
     asked = {**given, "shaping_hash": shaping_hash, "retried": list(retried), "checksum": checksum}
     differing = {path: _Known(*rest) for path, *rest in rows_of(con, "files_that_differ", listed, asked)}
-    suspects = [file for file in found if file.path in differing]
+    suspects = [found[number] for number, path in enumerate(found.paths) if path in differing] if differing else []
     for file in suspects:
         owner = differing[file.path].root
         if owner not in (None, base):
@@ -259,11 +260,11 @@ def compare(
     return Difference(changed, touched, unchanged, gone, len(again), again[0] if again else "")
 
 
-def _rows(found: Sequence[SourceFile]) -> pa.Table:
+def _rows(found: SourceFiles) -> pa.Table:
     """Files as queries read them; of buffers, since `pa.array` first imports pandas."""
-    numbers = (array("q", [file.size for file in found]), array("q", [file.mtime_ns for file in found]))
+    numbers = (found.sizes, found.dates)
     rest = [pa.Array.from_buffers(pa.int64(), len(found), [None, pa.py_buffer(column)]) for column in numbers]
-    return pa.Table.from_arrays([texts([file.path for file in found]), *rest], names=["path", "size", "mtime_ns"])
+    return pa.Table.from_arrays([texts(found.paths), *rest], names=["path", "size", "mtime_ns"])
 
 
 def _hashed(base: Path, files: list[SourceFile], most: int, progress: Hashing | None) -> Iterator[SourceFile]:
