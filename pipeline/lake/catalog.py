@@ -10,7 +10,7 @@ from __future__ import annotations
 import errno
 import os
 import weakref
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from threading import local
@@ -286,15 +286,17 @@ def writing(lake: Lake) -> Iterator[Connection]:
     """
     with changing(lake) as con:
         check_version(con, lake)
-        if _written.get(lake.catalog) != version(lake):
+        since, views = _written.get(lake.catalog, (None, frozenset[str]()))
+        if since != version(lake):
             refresh_macros(con)
+            views = frozenset()
         yield con
         run_sql(con, "forget_unnamed_files")
-        refresh_views(con, lake)
-    _written[lake.catalog] = version(lake)
+        views |= refresh_views(con, lake, views)
+    _written[lake.catalog] = version(lake), views
 
 
-_written: Final[dict[Path, Version]] = {}  # catalogs that have their macros from this process
+_written: Final[dict[Path, tuple[Version, frozenset[str]]]] = {}  # catalogs with macros and views of this process
 
 
 @contextmanager
@@ -329,12 +331,18 @@ def bring_macros(lake: Lake) -> None:
             pass
 
 
-def refresh_views(con: Connection, lake: Lake) -> None:
-    """Views over Parquet exist while there are parts to read (DuckDB binds them when they are made)."""
+def refresh_views(con: Connection, lake: Lake, made: Collection[str] = ()) -> frozenset[str]:
+    """Make views over Parquet of which there are parts to read, since DuckDB then looks for these; their names.
+
+    Those that are `made` stay as they are.
+    """
+    found = set()
     for name in sql.names("views"):
         folder = name.removeprefix("views/").removesuffix(".sql")
-        if any(lake.root.joinpath(folder).glob("**/[!.]*.parquet")):
+        if name not in made and any(lake.root.joinpath(folder).glob("**/[!.]*.parquet")):
             run_sql(con, name)
+            found.add(name)
+    return frozenset(found)
 
 
 def table_of(rows: Sequence[Mapping[str, Any]], schema: pa.Schema) -> pa.Table:
