@@ -57,6 +57,7 @@ def recipes(shrunk: AutoencoderRecipe | None) -> dict[str, Spec]:
         "k-means": Spec(OWN),
         "k-means, hard": Spec(replace(OWN, softness=0.0)),
         "k-means of features": Spec(replace(OWN, whitened=False, softness=0.0)),
+        "self-organising map": Spec(replace(OWN, dictionary="som")),
         "information": Spec(replace(OWN, dictionary="information"), shrunk),
         "adversarial": Spec(replace(OWN, dictionary="adversarial"), paper),
     }
