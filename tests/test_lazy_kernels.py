@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from motionlake import kernels
 from motionlake.motion import dtw, stacks
 from motionlake.motion.dtw import clip_dtw, clip_dtws
-from motionlake.motion.stacks import Halves, Stack, aligned
+from motionlake.motion.stacks import Halves, Stack, aligned, aligned_halves
 from motionlake.pesta import nearest, scan
 from motionlake.pesta.config import AlignmentConfig
 from motionlake.pesta.nearest import nearest_strings
@@ -154,8 +154,9 @@ def test_distances_of_moves_without_a_kernel_are_its_own(
     clips = [halves[start : start + count].astype(np.float32) for start, count in zip(starts, counts, strict=True)]
 
     def distances() -> tuple[list[list[float]], list[float], bytes]:
-        stack = Stack.of_halves(Halves([halves], np.zeros_like(starts), starts, counts), every)
-        return aligned(query, stack).tolist(), clip_dtws(query, clips).tolist(), stack.frames.tobytes()
+        stack = Stack.of(clips)
+        of_halves = aligned_halves(query, Halves([halves], np.zeros_like(starts), starts, counts), every)
+        return aligned(query, stack).tolist(), clip_dtws(query, clips).tolist(), of_halves.tobytes()
 
     with pytest.MonkeyPatch.context() as patch:
         for module in (dtw, stacks):

@@ -11,10 +11,12 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from motionlake.arrays import Float32Array, Float64Array
 from motionlake.deephums.sequence import clip_sequence
+from motionlake.motion import stacks
+from motionlake.motion.dtw import clip_dtw, clip_dtws
 from motionlake.motion.moves import DISPLACEMENT_COUNT, FPS, JOINTS_COUNT, LEAST, MOST, WIDTH, Track, at_12
 from motionlake.motion.moves_index import MovesIndex, moves_distance, moves_distances, sampled
 from motionlake.motion.moves_windows import nearest_place, windows_distances
-from motionlake.motion.stacks import Halves, Stack, aligned
+from motionlake.motion.stacks import Halves, Stack, aligned, aligned_halves
 
 
 def walking(frames: int) -> Float64Array:
@@ -56,28 +58,44 @@ def test_many_are_aligned_as_one_by_one(query: Float32Array, others: list[Float3
 halves = st.floats(-1000, 1000, width=16)
 
 
-@given(st.lists(st.lists(halves, min_size=3, max_size=3), min_size=1, max_size=40), st.data())
-def test_clips_in_half_precision_are_stacked_alike(rows: list[list[float]], data: st.DataObject) -> None:
-    """Wherever they lie, and some of their frames alone; the smallest numbers and zeros below zero, too."""
-    frames = np.array(rows, dtype=np.float16)
-    pieces, every = [frames, frames[::-1].copy()], data.draw(st.integers(1, 5))
-    place = st.integers(0, len(frames) - 1).flatmap(
-        lambda at: st.tuples(st.integers(0, 1), st.just(at), st.integers(1, len(frames) - at))
+@given(st.lists(st.lists(halves, min_size=5, max_size=5), min_size=1, max_size=40), st.integers(1, 9), st.data())
+def test_clips_in_half_precision_are_aligned_alike(rows: list[list[float]], frames: int, data: st.DataObject) -> None:
+    """Wherever they lie, some of their frames and columns alone; the smallest numbers and zeros below zero, too."""
+    held = np.array(rows, dtype=np.float16)
+    pieces, every = [held, held[::-1].copy()], data.draw(st.integers(1, 5))
+    first = data.draw(st.integers(0, 4))
+    columns = slice(first, data.draw(st.integers(first + 1, 5)))
+    place = st.integers(0, len(held) - 1).flatmap(
+        lambda at: st.tuples(st.integers(0, 1), st.just(at), st.integers(1, len(held) - at))
     )
     places = np.array(data.draw(st.lists(place, max_size=20)), dtype=np.int64).reshape(-1, 3)
-    stack = Stack.of_halves(Halves(pieces, *places.T), every)
-    some = [pieces[piece][start : start + count : every] for piece, start, count in places]
-    other = Stack.of(some) if some else stack
-    for name in ("starts", "lengths", "clips"):
-        np.testing.assert_array_equal(getattr(stack, name), getattr(other, name))
-    np.testing.assert_array_equal(stack.frames[:, :-1], other.frames[:, :-1])
-    np.testing.assert_array_equal(np.signbit(stack.frames[:, :-1]), np.signbit(other.frames[:, :-1]))
-    np.testing.assert_allclose(stack.frames[:, -1], other.frames[:, -1], rtol=1e-5)
+    query = np.resize(held, (frames, 5)).astype(np.float32)[:, columns]
+    found = aligned_halves(query, Halves(pieces, *places.T), every, columns)
+    some = [pieces[piece][start : start + count : every, columns] for piece, start, count in places]
+    np.testing.assert_allclose(found, clip_dtws(query, [clip.astype(np.float32) for clip in some]), rtol=1e-3, atol=2.0)
+    if some:
+        stack = Stack.of(some)
+        np.testing.assert_allclose(found, stack.spread(aligned(query, stack)), rtol=1e-4, atol=0.1)
 
 
-def test_a_clip_without_frames_is_not_stacked() -> None:
+def test_clips_of_many_groups_are_aligned_as_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(9)
+    held = rng.normal(size=(3000, 6)).astype(np.float16)
+    counts = rng.integers(1, 60, 90)
+    starts = rng.integers(0, len(held) - 60, 90)
+    query = rng.normal(size=(7, 6)).astype(np.float32)
+    clips = [held[start : start + count].astype(np.float32) for start, count in zip(starts, counts, strict=True)]
+    wanted = [clip_dtw(query, clip) for clip in clips]
+    for most in (1, 500, 10**6):
+        monkeypatch.setattr(stacks, "_ROWS", most)
+        found = aligned_halves(query, Halves([held], np.zeros_like(starts), starts, counts))
+        np.testing.assert_allclose(found, wanted, rtol=1e-5)
+
+
+def test_a_clip_without_frames_is_not_aligned() -> None:
+    some = Halves([np.zeros((3, 2), dtype=np.float16)], *np.array([[0, 0], [0, 1], [1, 0]]))
     with pytest.raises(ValueError, match="without frames"):
-        Stack.of_halves(Halves([np.zeros((3, 2), dtype=np.float16)], *np.array([[0, 0], [0, 1], [1, 0]])))
+        aligned_halves(np.ones((2, 2), np.float32), some)
 
 
 @given(st.lists(clips, max_size=20), st.integers(1, 60))

@@ -22,6 +22,7 @@ LEAST: Final = 4  # frames
 MOST: Final = 160  # frames of a clip that are aligned; of a longer one as many, evenly spread
 SMOOTHED: Final = 1.0  # frames; standard deviation of the filter before velocities
 WIDTH: Final = 3 * 3 * len(COMMON)  # numbers of a frame: displacement, velocity, joints
+VELOCITY: Final = slice(WIDTH // 3, 2 * WIDTH // 3)  # columns
 DISPLACEMENT_COUNT: Final = 0.3  # a root mean square of the displacement, beside one of the velocity
 JOINTS_COUNT: Final = 0.4  # a body length of the joints themselves, beside the same
 # What was made of moves of another kind is not compared with these.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 LANES: Final = 8  # clips that are aligned side by side
 _CELLS: Final = 1 << 20  # frame distances that are worked out at a time
+_LINE: Final = 32  # halves that come from memory together
+_ROWS: Final = 960  # frames that are widened at a time: half a MiB of moves
 
 
 class Halves(NamedTuple):
@@ -63,42 +65,14 @@ class Stack:
         return stack
 
     @staticmethod
-    def of_halves(halves: Halves, every: int = 1) -> Stack:
-        """The same of clips in half precision; `every`: of one of so many of the frames of each, the first one first.
-
-        Raises:
-            ValueError: a clip without frames.
-        """
-        if not halves.counts.all():
-            raise ValueError("a clip without frames cannot be aligned")
-        taken = -(-halves.counts // every)
-        without_kernel = few(int(taken.sum()))
-        stack, first = Stack._empty(taken, halves.pieces[0].shape[1] if halves.pieces else 0)
-        for piece, frames in enumerate(halves.pieces):
-            own = halves.piece == piece
-            starts, counts = halves.starts[own], taken[own]
-            if without_kernel:
-                within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-                rows = np.repeat(first[own], counts) + within * LANES
-                stack.frames[rows, :-2] = frames[np.repeat(starts, counts) + within * every]
-            else:
-                _widen(frames.view(np.uint16), starts, counts, every, first[own], stack.frames)
-        _squared(stack.frames)
-        return stack
-
-    @staticmethod
     def _empty(sizes: Int64Array, width: int) -> tuple[Stack, Int64Array]:
         """For n clips of so many frames, none of them written yet; and the row of the first frame of each clip."""
-        count = -(-len(sizes) // LANES)
-        padded = np.full(count * LANES, -1, dtype=np.int64)
-        padded[: len(sizes)] = np.argsort(sizes, kind="stable")
-        order = padded.reshape(count, LANES)
-        lengths = np.where(order < 0, 0, sizes[order] if len(sizes) else 0)
-        starts = np.concatenate([[0], np.cumsum(lengths.max(axis=1, initial=0) * LANES)])
+        starts, lengths, order = _groups(sizes)
         frames = np.zeros((starts[-1], width + 2), dtype=np.float32)
         frames[:, -2] = 1
-        place = np.argsort(padded[: len(sizes)])  # of each clip in the order
-        return Stack(frames, starts, lengths, order), starts[place // LANES] + place % LANES
+        first = np.empty(len(sizes), dtype=np.int64)
+        first[order[order >= 0]] = _first_rows(starts[:-1])[order >= 0]
+        return Stack(frames, starts, lengths, order), first
 
     def spread(self, found: Float64Array) -> Float64Array:
         """[n] what was found [G, 8] for each clip, in the order in which they were given."""
@@ -108,28 +82,62 @@ class Stack:
         return by_clip
 
 
+def _groups(sizes: Int64Array) -> tuple[Int64Array, Int64Array, Int64Array]:
+    """Where groups of n clips of so many frames start, how long their clips are, and which these are: as `Stack`."""
+    count = -(-len(sizes) // LANES)
+    padded = np.full(count * LANES, -1, dtype=np.int64)
+    padded[: len(sizes)] = np.argsort(sizes, kind="stable")
+    order = padded.reshape(count, LANES)
+    lengths = np.where(order < 0, 0, sizes[order] if len(sizes) else 0)
+    return np.concatenate([[0], np.cumsum(lengths.max(axis=1, initial=0) * LANES)]), lengths, order
+
+
+def _first_rows(starts: Int64Array) -> Int64Array:
+    """[G, 8] the row of the first frame of each clip of groups that start at some rows."""
+    return starts[:, None] + np.arange(LANES)
+
+
 @njit(cache=True, nogil=True)
 def _widen(
-    halves: NDArray[np.uint16], starts: Int64Array, counts: Int64Array, every: int, first: Int64Array,
+    halves: NDArray[np.uint16], column: int, starts: Int64Array, counts: Int64Array, every: int, first: Int64Array,
     frames: Float32Array,
 ) -> None:  # fmt: skip
-    """Kernel: so many frames of clips, one of `every`, in half precision (their bits, [N, D]) into rows of a stack.
+    """Kernel: so many frames of clips, one of `every`, in half precision (their bits, [N, D]), from a column on into
+    rows [R, d + 2] of a stack.
 
-    The exponent of half precision is 112 less than that of single precision, to which its bits are moved.
+    The exponent of half precision is 112 less than that of single precision, to which its bits are moved. Frames lie
+    far apart in memory: a first look at all of a clip has them come from there side by side.
     """
-    width = halves.shape[1]
+    width = frames.shape[1] - 2
     bits = np.empty(width, dtype=np.uint32)
     values = bits.view(np.float32)
     scale = np.float32(2.0**112)
     for clip in range(len(starts)):
+        seen = np.uint16(0)
         for t in range(counts[clip]):
-            source = halves[starts[clip] + t * every]
+            source = halves[starts[clip] + t * every, column : column + width]
+            for d in range(0, width, _LINE):
+                seen |= source[d]
+        frames[first[clip], 0] = seen  # is written over
+        for t in range(counts[clip]):
+            source = halves[starts[clip] + t * every, column : column + width]
             for d in range(width):
                 half = np.uint32(source[d])
                 bits[d] = (half & np.uint32(0x8000)) << np.uint32(16) | (half & np.uint32(0x7FFF)) << np.uint32(13)
             row = frames[first[clip] + t * 8]
             for d in range(width):
                 row[d] = values[d] * scale
+
+
+def _widened_plainly(
+    halves: NDArray[np.uint16], column: int, starts: Int64Array, counts: Int64Array, every: int, first: Int64Array,
+    frames: Float32Array,
+) -> None:  # fmt: skip
+    """What `_widen` does, without a kernel."""
+    within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    rows = np.repeat(first, counts) + within * LANES
+    source = halves.view(np.float16)[:, column : column + frames.shape[1] - 2]
+    frames[rows, :-2] = source[np.repeat(starts, counts) + within * every]
 
 
 def _squared(frames: Float32Array) -> None:
@@ -143,20 +151,78 @@ def aligned(query: Float32Array, stack: Stack) -> Float64Array:
     A distance is the least sum of Euclidean distances of frames along a path of ordinary steps, divided by the frames
     of both.
     """
-    norms = np.einsum("td,td->t", query, query)
-    left = np.column_stack([np.float32(-2) * query, norms, np.ones_like(norms)])
+    left = _left(query)
     found = np.zeros(stack.lengths.shape, dtype=np.float32)
-    group = 0
-    while group < len(found):
-        last = group + 1
-        while last < len(found) and (stack.starts[last + 1] - stack.starts[group]) * len(query) <= _CELLS:
-            last += 1
-        costs = left @ stack.frames[stack.starts[group] : stack.starts[last]].T
-        work = plain_work(len(query), costs.shape[1] // LANES // (last - group), (last - group) * LANES)
-        align = _aligned_plainly if few(work) else _align
-        align(costs, stack.starts[group : last + 1] - stack.starts[group], stack.lengths[group:last], found[group:last])
-        group = last
+    for group, last in _some_groups(stack.starts, _CELLS // len(query)):
+        starts = stack.starts[group : last + 1]
+        costs = left @ stack.frames[starts[0] : starts[-1]].T
+        _align_groups(costs, starts - starts[0], stack.lengths[group:last], found[group:last])
     return np.asarray(found / (len(query) + stack.lengths), dtype=np.float64)
+
+
+def aligned_halves(query: Float32Array, halves: Halves, every: int = 1, columns: slice = slice(None)) -> Float64Array:
+    """[n] the same of clips in half precision.
+
+    Frames are widened some groups at a time, into memory that stays in the processor's cache.
+
+    Args:
+        query: [n, d].
+        halves: the clips.
+        every: one of so many of the frames of each is compared, the first one first.
+        columns: of the frames, the d that are compared.
+
+    Raises:
+        ValueError: a clip without frames.
+    """
+    if not halves.counts.all():
+        raise ValueError("a clip without frames cannot be aligned")
+    taken = -(-halves.counts // every)
+    starts, lengths, order = _groups(taken)
+    some = list(_some_groups(starts, min(_ROWS, _CELLS // len(query))))
+    most = max((starts[last] - starts[group] for group, last in some), default=0)
+    rows = np.zeros((most, query.shape[1] + 2), dtype=np.float32)
+    rows[:, -2] = 1
+    left, room = _left(query), np.empty(len(query) * most, dtype=np.float32)
+    found = np.zeros(lengths.shape, dtype=np.float32)
+    widen = _widened_plainly if few(int(taken.sum())) else _widen
+    column = columns.start or 0
+    for group, last in some:
+        own, begins = order[group:last], starts[group : last + 1] - starts[group]
+        first, clips = _first_rows(begins[:-1])[own >= 0], own[own >= 0]
+        frames = rows[: begins[-1]]  # after the end of a clip they are another's: paths to its end pass none of them
+        for piece in np.unique(halves.piece[clips]).tolist():
+            here = halves.piece[clips] == piece
+            bits = halves.pieces[piece].view(np.uint16)
+            widen(bits, column, halves.starts[clips[here]], taken[clips[here]], every, first[here], frames)
+        _squared(frames)
+        costs = room[: len(query) * len(frames)].reshape(len(query), -1)
+        np.matmul(left, frames.T, out=costs)
+        _align_groups(costs, begins, lengths[group:last], found[group:last])
+    distances = np.empty(len(taken))
+    distances[order[order >= 0]] = (found / (len(query) + lengths))[order >= 0]
+    return distances
+
+
+def _left(query: Float32Array) -> Float32Array:
+    """[n, D + 2] the other operands of squared distances."""
+    norms = np.einsum("td,td->t", query, query)
+    return np.column_stack([np.float32(-2) * query, norms, np.ones_like(norms)])
+
+
+def _some_groups(starts: Int64Array, most: int) -> Iterator[tuple[int, int]]:
+    """First and last of groups that start at some rows, as many together as have `most` rows, one at least."""
+    group = 0
+    while group < len(starts) - 1:
+        last = max(group + 1, int(np.searchsorted(starts, starts[group] + most, side="right")) - 1)
+        yield group, last
+        group = last
+
+
+def _align_groups(costs: Float32Array, starts: Int64Array, lengths: Int64Array, out: Float32Array) -> None:
+    """Summed costs of the cheapest paths into `out` [G, 8]; `costs` [n, C] are squared distances of frames."""
+    work = plain_work(len(costs), costs.shape[1] // LANES // len(lengths), len(lengths) * LANES)
+    align = _aligned_plainly if few(work) else _align
+    align(costs, starts, lengths, out)
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz", "arcp"})

@@ -14,9 +14,10 @@ from motionlake.deep_motifs.emd_search import SignatureIndex
 from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.layout import Lake
 from motionlake.lake.settings import served_config
+from motionlake.motion.moves import VELOCITY
 from motionlake.motion.moves_index import floored
 from motionlake.motion.sketches import instants, nearness
-from motionlake.motion.stacks import Halves, Stack, aligned
+from motionlake.motion.stacks import Halves, aligned_halves
 from motionlake.pesta.nearest import LeastCosts, nearest_strings
 from motionlake.pesta.strings import Repository, SymbolDistances
 from motionlake.retrieval.protocol import Query
@@ -205,15 +206,15 @@ class ByMoves(Method):
         return self.roughly
 
     def roughly(self, value: Value, rows: Int64Array) -> Answers:
-        """All clips of some rows that have moves, by some of their frames: about how far each is."""
+        """All clips of some rows that have moves, by the velocities, which count most, of some of their frames: about
+        how far each is."""
         known = rows[self.files.numbers("frames")[rows] > 0]
-        stack = Stack.of_halves(Halves(*self.files.moves.where(known)), EVERY)
-        return known, stack.spread(aligned(np.ascontiguousarray(value[::EVERY]), stack))
+        halves = Halves(*self.files.moves.where(known))
+        return known, aligned_halves(np.ascontiguousarray(value[::EVERY, VELOCITY]), halves, EVERY, VELOCITY)
 
     def among(self, value: Value, rows: Int64Array, k: int) -> Answers:
         known = rows[self.files.numbers("frames")[rows] > 0]
-        stack = Stack.of_halves(Halves(*self.files.moves.where(known)))
-        distances = floored(stack.spread(aligned(value, stack)))
+        distances = floored(aligned_halves(value, Halves(*self.files.moves.where(known))))
         order = np.lexsort((known, distances))[:k]
         return known[order], distances[order]
 
