@@ -23,7 +23,7 @@ from motionlake.lake.config import load_config
 from motionlake.lake.layout import Lake, open_lake
 from motionlake.motion.dtw import clip_dtw, clip_path
 from motionlake.motion.skeleton import COMMON
-from motionlake.motion.sketches import Directions, instants, nearness, searchable
+from motionlake.motion.sketches import Directions, Sketches, instants
 from motionlake.retrieval import narrowed
 from motionlake.retrieval.asked import Ranking
 from motionlake.retrieval.chosen import ChosenSearcher
@@ -161,15 +161,17 @@ def test_few_chosen_clips_hold_the_nearest(large: Path, monkeypatch: pytest.Monk
 
 
 def test_likeness_is_of_distances_of_vectors(large: Path) -> None:
-    """A half at the clip that is the scale of others, 1 at the clip itself, and 0 where a method knows nothing."""
+    """A half at the clip that is the scale of others, nearly 1 at the clip, and 0 where a method knows nothing."""
     with few(), reading(open_lake(large)) as con:
         files = ShortlistFiles.open(open_lake(large), shortlist_of(open_lake(large)))
         for name, kind in METHODS.items():
             method = kind(open_lake(large), files, con)
-            clip, vectors = some(large, 1)[0], files.array(f"{name}-sketches")
+            clip, kept = some(large, 1)[0], files.sketches(name)
+            vectors, known = kept.places * kept.steps, np.isfinite(kept.norms)
             row = files.table["clip"].to_pylist().index(clip)
-            apart = np.linalg.norm(vectors[:, :-1] - vectors[row, :-1], axis=1)
-            known = np.isfinite(vectors[:, -1])
+            asked = files.directions(name).project(method.sketch(method.of_row(row)))
+            apart = np.linalg.norm(vectors - asked, axis=1)
+            assert apart[row] <= np.linalg.norm(kept.steps) / 2, "rounded to whole steps"
             scale = np.sort(apart[known])[min(UNIT, known.sum()) - 1]
             expected = np.where(known, 1 / (1 + apart / scale), 0)
             np.testing.assert_allclose(method.likeness(method.of_row(row)), expected, atol=2e-3)
@@ -784,7 +786,7 @@ def test_a_newer_model_than_the_shortlist_has_seen_is_told(large: Path, tmp_path
     assert (run.status, f"{name} is newer than what is compared" in run.err) == (2, True)
 
 
-@pytest.mark.parametrize("name", ["signature-sketches.npy", "clips.arrow", "moves.f16"])
+@pytest.mark.parametrize("name", ["signature-places.npy", "clips.arrow", "moves.f16"])
 def test_a_damaged_shortlist_is_found_and_made_again(large: Path, tmp_path: Path, name: str) -> None:
     root = Path(shutil.copytree(large, tmp_path / "lake"))
     clip = some(root, 1)[0]
@@ -879,12 +881,23 @@ def test_instants_do_not_ask_how_fast() -> None:
 
 @given(st.integers(2, 30), st.integers(0, 1000))
 def test_sketches_tell_who_is_near(count: int, seed: int) -> None:
-    rows = np.random.default_rng(seed).normal(size=(count, 4)) * (9, 5, 2, 1)
+    rng = np.random.default_rng(seed)
+    rows = rng.normal(size=(count, 4)) * (9, 5, 2, 1)
     whole = Directions.of(rows, 4)
-    kept = searchable(whole.project(rows))
+    vectors, known = whole.project(rows), rng.random(count) < 0.9
+    kept = Sketches.of(vectors, known)
+    assert (kept.places.dtype.name, np.isfinite(kept.norms).tolist()) == ("int8", known.tolist())
+    np.testing.assert_allclose(kept.places * kept.steps, vectors, atol=0.51 * kept.steps.max())
+    asked = whole.project(rows[0])
     expected = np.linalg.norm(rows - rows[0], axis=1)
-    near = nearness(kept, whole.project(rows[0]))
-    assert np.argmax(near) == 0
-    np.testing.assert_allclose(2 * (near[0] - near), expected**2, rtol=1e-3, atol=1e-2)
+    found = []
+    for plain in (True, False):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("motionlake.motion.sketches.few", lambda cells, plain=plain: plain)
+            found.append(kept.nearness(asked))
+    np.testing.assert_allclose(found[0][known], found[1][known], rtol=1e-4, atol=1e-3)
+    apart = np.sqrt(np.maximum(asked @ asked - 2 * found[0][known], 0))
+    np.testing.assert_allclose(apart, expected[known], atol=0.02 + float(np.linalg.norm(kept.steps)) / 2)
+    assert (found[0][~known] == -np.inf).all()
     less = Directions.of(rows, 2).project(rows)
     assert (np.linalg.norm(less - less[0], axis=1) <= expected + 1e-4).all()

@@ -6,9 +6,13 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from motionlake.arrays import Float32Array, FloatArray
+from motionlake.arrays import BoolArray, Float32Array, FloatArray
+from motionlake.kernels import few, njit
 from motionlake.motion.resampling import interpolated, paced_places
+from numpy.typing import NDArray
 
+LARGEST: Final = 127
+BLOCK: Final = 16_384  # rows that are multiplied at a time without a kernel
 BY_PATH: Final = 0.5  # how much of an instant is told by the way gone so far; the rest by time
 
 
@@ -45,11 +49,49 @@ class Directions:
         return np.asarray((rows - self.mean) @ self.matrix, dtype=np.float32)
 
 
-def searchable(sketches: Float32Array) -> Float32Array:
-    """[n, w + 1] sketches [n, w] with a column more, by which one product tells how near each is (`nearness`)."""
-    return np.column_stack([sketches, -np.einsum("nw,nw->n", sketches, sketches) / 2])
+@dataclass(frozen=True)
+class Sketches:
+    """Short vectors of n clips, in whole numbers of steps: a quarter of the memory that a search goes through.
+
+    Attributes:
+        places: [n, w].
+        steps: [w] how long a step is along each direction.
+        norms: [n] minus half the squared length of each; minus infinity for one that is not known.
+    """
+
+    places: NDArray[np.int8]
+    steps: Float32Array
+    norms: Float32Array
+
+    @staticmethod
+    def of(vectors: Float32Array, known: BoolArray) -> Sketches:
+        """Of vectors [n, w], some of which are known."""
+        farthest = np.abs(vectors).max(axis=0, initial=0)
+        steps = np.where(farthest > 0, farthest / LARGEST, 1).astype(np.float32)
+        places = np.rint(vectors / steps).astype(np.int8)
+        rounded = places * steps
+        norms = np.where(known, -np.einsum("nw,nw->n", rounded, rounded) / 2, -np.inf)
+        return Sketches(places, steps, norms.astype(np.float32))
+
+    def nearness(self, sketch: Float32Array) -> Float32Array:
+        """[n] greater for what is nearer to a sketch [w]: half its squared length less half the squared distance."""
+        found = self.norms.copy()
+        multiply = _add_products_plainly if few(0) else _add_products
+        multiply(self.places, self.steps * sketch, found)
+        return found
 
 
-def nearness(kept: Float32Array, sketch: Float32Array) -> Float32Array:
-    """[n] greater for what is nearer to a sketch [w], of rows as `searchable` gives them."""
-    return np.asarray(kept @ np.append(sketch, np.float32(1)))
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
+def _add_products(places: NDArray[np.int8], query: Float32Array, found: Float32Array) -> None:
+    """Kernel: add to found [n] the products of places [n, w] and a query [w]."""
+    for row in range(len(places)):
+        total = np.float32(0)
+        for i in range(len(query)):
+            total += np.float32(places[row, i]) * query[i]
+        found[row] += total
+
+
+def _add_products_plainly(places: NDArray[np.int8], query: Float32Array, found: Float32Array) -> None:
+    """What `_add_products` does, without a kernel."""
+    for first in range(0, len(places), BLOCK):
+        found[first : first + BLOCK] += places[first : first + BLOCK].astype(np.float32) @ query

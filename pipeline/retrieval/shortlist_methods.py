@@ -16,14 +16,13 @@ from motionlake.lake.layout import Lake
 from motionlake.lake.settings import served_config
 from motionlake.motion.moves import VELOCITY
 from motionlake.motion.moves_index import floored
-from motionlake.motion.sketches import instants, nearness
+from motionlake.motion.sketches import Sketches, instants
 from motionlake.motion.stacks import Halves, aligned_halves
 from motionlake.pesta.nearest import LeastCosts, nearest_strings
 from motionlake.pesta.strings import Repository, SymbolDistances
 from motionlake.retrieval.protocol import Query
 from motionlake.retrieval.string_queries import query_of_symbols
 from motionlake.stages.shortlist_files import INSTANTS, ShortlistFiles, string_sketch
-from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from motionlake.pesta.dictionary import PostureDictionary
@@ -52,8 +51,8 @@ class Method(ABC):
         self._directions = files.directions(self.name)
 
     @cached_property
-    def _kept(self) -> NDArray[Any]:
-        return self.files.array(f"{self.name}-sketches")
+    def _kept(self) -> Sketches:
+        return self.files.sketches(self.name)
 
     @abstractmethod
     def of_row(self, row: int) -> Value:
@@ -80,7 +79,7 @@ class Method(ABC):
         """[n] how near every clip is by its vector, from 0 to 1: a half at the distance of the `UNIT`th nearest, and 0
         where the method does not know it."""
         sketch = self._directions.project(self.sketch(value))
-        apart = np.float32(sketch @ sketch) - 2 * nearness(self._kept, sketch)
+        apart = np.float32(sketch @ sketch) - 2 * self._kept.nearness(sketch)
         np.sqrt(np.maximum(apart, 0, out=apart), out=apart)
         known = int(np.isfinite(apart).sum())
         if not known:

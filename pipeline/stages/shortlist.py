@@ -25,7 +25,7 @@ from motionlake.lake.catalog import Connection, fetch, fetch_table, run_sql
 from motionlake.lake.config import config_hash, load_config
 from motionlake.lake.layout import Lake
 from motionlake.motion.moves import KIND
-from motionlake.motion.sketches import Directions, searchable
+from motionlake.motion.sketches import Directions
 from motionlake.stages.graph import SOURCES, made_keys
 from motionlake.stages.reader import LakeReader, lake_reader
 from motionlake.stages.shortlist_files import (
@@ -41,10 +41,10 @@ from motionlake.stages.shortlist_files import (
     file_of,
     no_sketches,
     string_sketch,
-    write_array,
     write_clips,
     write_directions,
     write_lists,
+    write_sketches,
 )
 from motionlake.stages.shortlist_moves import moves_of_clips, moves_of_parts, moves_to_read
 from motionlake.stages.shortlist_rows import ROWS
@@ -63,7 +63,7 @@ class Shortlist(ShardStage):
     """One shard for the whole lake."""
 
     name = "shortlist"
-    version = 12  # with lists in files of their own
+    version = 13  # with sketches in whole numbers
     about = "short vectors by which a search chooses the clips that it compares"
     reads_catalog = True
     upstream = tuple(dict.fromkeys(stage.name for stage in KEPT.values()))
@@ -148,12 +148,9 @@ def _sketches(
     first = 0
     for block in rows:
         at = places.of(clips[first : first + len(block)])
-        kept[at] = searchable(directions.project(block))
+        kept[at] = directions.project(block)
         first += len(block)
-    return [
-        *write_directions(lake, shard.key, method, directions),
-        write_array(lake, shard.key, f"{method}-sketches", kept),
-    ]
+    return [*write_directions(lake, shard.key, method, directions), *write_sketches(lake, shard.key, method, kept)]
 
 
 def _by_signature(at: LakeReader, shard: Shard, _: pa.Table, places: Places) -> Made:

@@ -6,7 +6,7 @@ All but pieces (`motionlake.stages.shortlist_pieces`) are compared with what was
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
 from threading import Lock
@@ -22,7 +22,7 @@ from motionlake.lake.layout import Lake
 from motionlake.lake.parts import replacing
 from motionlake.motion.moves import WIDTH
 from motionlake.motion.skeleton import COMMON
-from motionlake.motion.sketches import Directions, instants
+from motionlake.motion.sketches import Directions, Sketches, instants
 from motionlake.stages.shortlist_pieces import Kind, Pieces
 from numpy.typing import NDArray
 
@@ -108,10 +108,15 @@ class Made:
 
 
 def no_sketches(clips: int, directions: Directions) -> Float32Array:
-    """[clips, w + 1] sketches of clips that a method does not know: none is farther."""
-    kept = np.zeros((clips, directions.matrix.shape[1] + 1), dtype=np.float32)
-    kept[:, -1] = -np.inf
-    return kept
+    """[clips, w] sketches of clips that a method does not know."""
+    return np.full((clips, directions.matrix.shape[1]), np.nan, dtype=np.float32)
+
+
+def write_sketches(lake: Lake, key: str, name: str, vectors: Float32Array) -> list[str]:
+    """Write sketches [n, w], of numbers where a method knows a clip; returns the names of their files."""
+    known = np.asarray(np.isfinite(vectors).all(axis=1))
+    made = Sketches.of(np.where(known[:, None], vectors, np.float32(0)), known)
+    return [write_array(lake, key, f"{name}-{part}", values) for part, values in vars(made).items()]
 
 
 def write_array(lake: Lake, key: str, name: str, values: NDArray[Any]) -> str:
@@ -143,7 +148,7 @@ def lists_named(name: str) -> tuple[str, str]:
 def needed_by(methods: Collection[str]) -> list[str]:
     """The arrays that some methods read in every search."""
     lists = [array for method in methods for name in LISTS[method] for array in lists_named(name)]
-    return [*(f"{method}-sketches" for method in methods), *lists]
+    return [*(f"{method}-{part.name}" for method in methods for part in fields(Sketches)), *lists]
 
 
 def write_lists(lake: Lake, key: str, counts: Int64Array, lists: Mapping[str, NDArray[Any]]) -> list[str]:
@@ -228,7 +233,15 @@ class ShortlistFiles:
 
     @property
     def methods(self) -> tuple[str, ...]:
-        return tuple(name.removesuffix("-sketches") for name in self._named if name.endswith("-sketches"))
+        return tuple(name for name in WIDTHS if f"{name}-directions" in self._named)
+
+    def sketches(self, name: str) -> Sketches:
+        """Those of a method. Raises `DamagedError` as `array`."""
+        parts = [f"{name}-{part.name}" for part in fields(Sketches)]
+        if parts[0] in self._named:
+            return Sketches(*map(self.array, parts))
+        vectors = self.array(f"{name}-sketches")  # an earlier version kept them as they are, and norms beside them
+        return Sketches.of(vectors[:, :-1], np.isfinite(vectors[:, -1]))
 
     def directions(self, name: str) -> Directions:
         return Directions(self.array(f"{name}-mean"), self.array(f"{name}-directions"))

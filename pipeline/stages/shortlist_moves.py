@@ -12,7 +12,7 @@ import pyarrow as pa
 from motionlake.arrays import Float32Array, Int64Array
 from motionlake.lake.layout import Lake
 from motionlake.motion.moves import WIDTH
-from motionlake.motion.sketches import Directions, instants, searchable
+from motionlake.motion.sketches import Directions, instants
 from motionlake.stages.moves import MOVES, joints_in, tracks_in
 from motionlake.stages.reader import LakeReader
 from motionlake.stages.shortlist_before import (
@@ -36,12 +36,14 @@ from motionlake.stages.shortlist_files import (
     no_sketches,
     write_array,
     write_directions,
+    write_sketches,
 )
 from motionlake.stages.shortlist_files import (
     MOVES as PIECES,
 )
 from motionlake.stages.stage import Shard
 
+EXACT: Final = "moves-sketches"  # the array of what a later shortlist takes over
 LAYOUT: Final = 3  # of moves: those of another are read anew
 SPREAD: Final = 16  # parts that they are from, at least
 
@@ -50,7 +52,7 @@ class _Moves:
     """What is kept of the moves of every clip, and filled in part by part.
 
     Attributes:
-        sketches: [n, w + 1].
+        sketches: [n, w].
     """
 
     def __init__(self, places: Places, directions: Directions) -> None:
@@ -65,20 +67,24 @@ class _Moves:
         if not clips:
             return
         looked, rows = instants_of_clips(moves, starts, INSTANTS), self._places.of(clips)
-        self.sketches[rows] = searchable(self._directions.project(looked.reshape(len(looked), -1)))
+        self.sketches[rows] = self._directions.project(looked.reshape(len(looked), -1))
         halves = moves.astype(HALF)
         for row, start, stop in zip(rows.tolist(), starts[:-1].tolist(), starts[1:].tolist(), strict=True):
             piece.add(row, halves[start:stop])
 
     def take_over(self, files: ShortlistFiles, before: MovesBefore, piece: NextPiece) -> None:
         """Those of the clips that stay."""
-        self.sketches[before.new] = files.array("moves-sketches")[before.old]
+        kept, width = files.array(EXACT)[before.old], self.sketches.shape[1]
+        if kept.shape[1] > width:  # an earlier version kept norms beside them, infinite where a clip has no moves
+            kept[~np.isfinite(kept[:, width])] = np.nan
+        self.sketches[before.new] = kept[:, :width]
         piece.take_over(before, files.table, files.files)
 
     def write(self, lake: Lake, key: str) -> list[str]:
         return [
             *write_directions(lake, key, "moves", self._directions),
-            write_array(lake, key, "moves-sketches", self.sketches),
+            *write_sketches(lake, key, "moves", self.sketches),
+            write_array(lake, key, EXACT, self.sketches),
         ]
 
 
