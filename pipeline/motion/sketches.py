@@ -6,12 +6,14 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from motionlake.arrays import BoolArray, Float32Array, FloatArray
+from motionlake.arrays import BoolArray, Float32Array, FloatArray, Int32Array
 from motionlake.kernels import few, njit
 from motionlake.motion.resampling import interpolated, paced_places
 from numpy.typing import NDArray
 
 LARGEST: Final = 127
+FINEST: Final = 32_767  # steps of a query: so many times 127, 512 times, is a number of four bytes
+TINY: Final = float(np.finfo(np.float32).tiny)
 BLOCK: Final = 16_384  # rows that are multiplied at a time without a kernel
 BY_PATH: Final = 0.5  # how much of an instant is told by the way gone so far; the rest by time
 
@@ -75,23 +77,28 @@ class Sketches:
 
     def nearness(self, sketch: Float32Array) -> Float32Array:
         """[n] greater for what is nearer to a sketch [w]: half its squared length less half the squared distance."""
-        found = self.norms.copy()
-        multiply = _add_products_plainly if few(0) else _add_products
-        multiply(self.places, self.steps * sketch, found)
-        return found
+        asked = self.steps * sketch
+        step = np.float32(max(float(np.abs(asked).max(initial=0)) / FINEST, TINY))
+        query = np.rint(asked / step).astype(np.int32)
+        products = (_products_plainly if few(0) else _products)(self.places, query)
+        return np.asarray(self.norms + products * step, dtype=np.float32)
 
 
-@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
-def _add_products(places: NDArray[np.int8], query: Float32Array, found: Float32Array) -> None:
-    """Kernel: add to found [n] the products of places [n, w] and a query [w]."""
+@njit(cache=True, nogil=True)
+def _products(places: NDArray[np.int8], query: Int32Array) -> Float32Array:
+    """Kernel: [n] products of places [n, w] and a query [w]: of whole numbers, so that they are the same everywhere."""
+    found = np.empty(len(places), np.float32)
     for row in range(len(places)):
-        total = np.float32(0)
+        total = np.int32(0)
         for i in range(len(query)):
-            total += np.float32(places[row, i]) * query[i]
-        found[row] += total
+            total += np.int32(places[row, i]) * query[i]
+        found[row] = total
+    return found
 
 
-def _add_products_plainly(places: NDArray[np.int8], query: Float32Array, found: Float32Array) -> None:
-    """What `_add_products` does, without a kernel."""
+def _products_plainly(places: NDArray[np.int8], query: Int32Array) -> Float32Array:
+    """What `_products` does, without a kernel."""
+    found = np.empty(len(places), np.float32)
     for first in range(0, len(places), BLOCK):
-        found[first : first + BLOCK] += places[first : first + BLOCK].astype(np.float32) @ query
+        found[first : first + BLOCK] = places[first : first + BLOCK].astype(np.float64) @ query.astype(np.float64)
+    return found
