@@ -142,9 +142,12 @@ def test_strings_of_several_groups_are_in_their_order() -> None:
         assert back[clip] == least_costs(alone, asked, distances, 2)[0]
 
 
-@given(st.integers(1, 9), lengths, st.sampled_from([1, 6, 8, 19, 135]), st.integers(1, 5), st.integers(0, 2**32))
+@given(
+    st.integers(1, 9), lengths, st.sampled_from([1, 6, 8, 19, 135]), st.integers(1, 5), st.integers(0, 2**32),
+    st.sampled_from([1, 100, 960]),
+)  # fmt: skip
 def test_distances_of_moves_without_a_kernel_are_its_own(
-    frames: int, sizes: list[int], width: int, every: int, seed: int
+    frames: int, sizes: list[int], width: int, every: int, seed: int, rows: int
 ) -> None:
     random = np.random.default_rng(seed)
     halves = random.normal(size=(sum(sizes), width)).astype(np.float16)
@@ -159,6 +162,7 @@ def test_distances_of_moves_without_a_kernel_are_its_own(
         return aligned(query, stack).tolist(), clip_dtws(query, clips).tolist(), of_halves.tobytes()
 
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(stacks, "_ROWS", rows)
         for module in (dtw, stacks):
             patch.setattr(module, "few", lambda cells: False)
         by_kernels = distances()

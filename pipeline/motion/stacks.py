@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -178,26 +179,29 @@ def aligned_halves(query: Float32Array, halves: Halves, every: int = 1, columns:
         raise ValueError("a clip without frames cannot be aligned")
     taken = -(-halves.counts // every)
     starts, lengths, order = _groups(taken)
-    some = list(_some_groups(starts, min(_ROWS, _CELLS // len(query))))
-    most = max((starts[last] - starts[group] for group, last in some), default=0)
-    rows = np.zeros((most, query.shape[1] + 2), dtype=np.float32)
-    rows[:, -2] = 1
-    left, room = _left(query), np.empty(len(query) * most, dtype=np.float32)
-    found = np.zeros(lengths.shape, dtype=np.float32)
-    widen = _widened_plainly if few(int(taken.sum())) else _widen
-    column = columns.start or 0
-    for group, last in some:
-        own, begins = order[group:last], starts[group : last + 1] - starts[group]
-        first, clips = _first_rows(begins[:-1])[own >= 0], own[own >= 0]
-        frames = rows[: begins[-1]]  # after the end of a clip they are another's: paths to its end pass none of them
-        for piece in np.unique(halves.piece[clips]).tolist():
-            here = halves.piece[clips] == piece
-            bits = halves.pieces[piece].view(np.uint16)
-            widen(bits, column, halves.starts[clips[here]], taken[clips[here]], every, first[here], frames)
-        _squared(frames)
-        costs = room[: len(query) * len(frames)].reshape(len(query), -1)
-        np.matmul(left, frames.T, out=costs)
-        _align_groups(costs, begins, lengths[group:last], found[group:last])
+    plainly, together = few(int(taken.sum())), _CELLS // len(query)
+    # The same products either way; without a kernel, the more clips are aligned side by side the better.
+    cuts = [0, *(last for _, last in _some_groups(starts, min(_ROWS, together)))]
+    batches = _some_groups(starts[cuts], together) if plainly else ((cut, cut + 1) for cut in range(len(cuts) - 1))
+    room = np.zeros((np.diff(starts[cuts]).max(initial=0), query.shape[1] + 2), dtype=np.float32)
+    room[:, -2] = 1
+    left, found = _left(query), np.zeros(lengths.shape, dtype=np.float32)
+    widen, column = _widened_plainly if plainly else _widen, columns.start or 0
+    for first_cut, last_cut in batches:
+        whole = starts[cuts[first_cut] : cuts[last_cut] + 1]
+        costs = np.empty((len(query), whole[-1] - whole[0]), dtype=np.float32)
+        for group, last in pairwise(cuts[first_cut : last_cut + 1]):
+            own, begin = order[group:last], starts[group]
+            first, clips = _first_rows(starts[group:last] - begin)[own >= 0], own[own >= 0]
+            frames = room[: starts[last] - begin]  # after the end of a clip another's: no path to its end passes them
+            for piece in np.unique(halves.piece[clips]).tolist():
+                here = halves.piece[clips] == piece
+                bits = halves.pieces[piece].view(np.uint16)
+                widen(bits, column, halves.starts[clips[here]], taken[clips[here]], every, first[here], frames)
+            _squared(frames)
+            np.matmul(left, frames.T, out=costs[:, begin - whole[0] : starts[last] - whole[0]])
+        some = slice(cuts[first_cut], cuts[last_cut])
+        _align_groups(costs, whole - whole[0], lengths[some], found[some])
     distances = np.empty(len(taken))
     distances[order[order >= 0]] = (found / (len(query) + lengths))[order >= 0]
     return distances
