@@ -19,6 +19,7 @@ from motionlake.formats.parse.scene_nodes import SceneNodes
 from motionlake.formats.parse.usd_library import sent_by_library
 from motionlake.formats.parse.usd_packed import Bytes, NotPlainError, unpacked
 from motionlake.formats.parse.usd_plain import plain_nodes
+from motionlake.formats.parse.usd_values import Values
 
 from tests.damage import DAMAGES
 from tests.samples import lacking
@@ -215,6 +216,26 @@ def test_a_plain_layer_needs_no_library(tmp_path: Path, monkeypatch: pytest.Monk
 
     monkeypatch.setattr(usd_nodes, "sent_by_library", fail)
     assert [clip.body for clip in read_clips(path)] == ["World Anna Skel", "World Bert Skel"]
+
+
+def test_prims_that_are_named_twice_are_not_gone_through_without_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "walk.usdc"
+    walk(path).Save()
+    words = Values.words
+    monkeypatch.setattr(Values, "words", lambda values, value: 2 * words(values, value))
+    with pytest.raises(NotPlainError, match="twice"):
+        plain_nodes(path.read_bytes())
+
+
+def test_long_lists_of_names_are_held_against_the_limits(tmp_path: Path) -> None:
+    path = tmp_path / "walk.usdc"
+    stage = walk(path)
+    stage.GetPrimAtPath("/World/Anna/Skel").GetAttribute("joints").Set(["Hips"] * 40_000)
+    stage.Save()
+    with within(Limits(memory_megabytes=1)), pytest.raises(ClipError, match="memory"):
+        plain_nodes(path.read_bytes())
 
 
 def test_what_is_wrong_is_said_as_the_library_says_it(tmp_path: Path) -> None:

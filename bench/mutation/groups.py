@@ -95,7 +95,7 @@ GROUPS: Final[Mapping[str, Mapping[str, Module]]] = {
         "pipeline/stages/sources.py": Module(
             _KEYS, ("shaping", "shaping_hash", "compare", "_hashed")
         ),
-        "pipeline/stages/source_files.py": Module(_KEYS, ("scan", "_source_file", "content_hash")),
+        "pipeline/stages/source_files.py": Module(_KEYS, ("scan", "_files", "content_hash")),
         "pipeline/stages/motif_model.py": Module(_KEYS, ("key",)),
         "pipeline/stages/word_network.py": Module(_KEYS, ("key", "takes_pretrained")),
         "pipeline/stages/posture_dictionary.py": Module(_KEYS, ("takes_pretrained",)),

@@ -108,10 +108,13 @@ class _Layer:
                 )
 
     def _defined(self) -> Iterator[str]:
-        """Paths of the prims that are there, each before those below it."""
-        waiting = ["/"]
+        """Paths of the prims that are there, each once, before those below it."""
+        waiting, seen = ["/"], set[str]()
         while waiting:
             path = waiting.pop()
+            if path in seen:  # one that is named twice would be so again and again below others
+                raise NotPlainError("names a prim twice")
+            seen.add(path)
             fields = self.fields[path]
             if path != "/":
                 if self.values.specifier(fields["specifier"]) != _DEFINED:

@@ -28,6 +28,7 @@ _NUMBERS: Final[dict[int, tuple[str, tuple[int, ...]]]] = {
     16: ("<f8", (4,)), QUATERNIONS: ("<f4", (4,)), 18: ("<f2", (4,)),
     23: ("<f8", (3,)), VECTORS: ("<f4", (3,)), HALF_VECTORS: ("<f2", (3,)),
 }  # fmt: skip
+_PYTHON_BYTES: Final = 64  # of a number or a name in a list
 _DELETED, _ORDERED = 8, 16
 _LISTS: Final = (2, 4, 32, 64)  # explicit, added, prepended, appended: bits of a list's first byte, in their order
 
@@ -164,12 +165,11 @@ class Values:
         found: list[int] = []
         for bit in _LISTS:
             if bits & bit:
-                found += np.frombuffer(part.take(4 * part.number()), "<u4").tolist()
+                found += _as_list(np.frombuffer(part.take(4 * part.number()), "<u4"))
         return found
 
     def _counted(self, place: int) -> list[int]:
-        numbers: list[int] = self._run(place + 8, "<u4", self._count(place)).tolist()
-        return numbers
+        return _as_list(self._run(place + 8, "<u4", self._count(place)))
 
     def _count(self, place: int) -> int:
         return int(self._run(place, "<u8", 1)[0])
@@ -182,6 +182,13 @@ class Values:
         if not 0 < place <= len(self._bytes) - size:
             raise NotPlainError("ends early")
         return self._bytes[place : place + size].view(lies)
+
+
+def _as_list(numbers: NDArray[np.uint32]) -> list[int]:
+    """As Python has them, which takes much more memory."""
+    limits().check_memory(_PYTHON_BYTES * len(numbers))
+    found: list[int] = numbers.tolist()
+    return found
 
 
 def _kind(value: int) -> int:
