@@ -888,7 +888,7 @@ def test_sketches_tell_who_is_near(count: int, seed: int) -> None:
     whole = Directions.of(rows, 4)
     vectors, known = whole.project(rows), rng.random(count) < 0.9
     kept = Sketches.of(vectors, known)
-    assert (kept.places.dtype.name, np.isfinite(kept.norms).tolist()) == ("int8", known.tolist())
+    assert (kept.places.dtype.name, np.isfinite(kept.norms).tolist()) == ("int16", known.tolist())
     np.testing.assert_allclose(kept.places * kept.steps, vectors, atol=0.51 * kept.steps.max())
     asked = whole.project(rows[0])
     expected = np.linalg.norm(rows - rows[0], axis=1)

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from motionlake.arrays import BoolArray, Float32Array, FloatArray, Int32Array
+from motionlake.arrays import BoolArray, Float32Array, FloatArray
 from motionlake.kernels import few, njit
 from motionlake.motion.resampling import interpolated, paced_places
 from numpy.typing import NDArray
 
-LARGEST: Final = 127
-FINEST: Final = 32_767  # steps of a query: so many times 127, 512 times, is a number of four bytes
+LARGEST: Final = 8191
+WHOLE: Final = np.iinfo(np.int32).max  # as large are products of vectors and a query, both in whole numbers
 TINY: Final = float(np.finfo(np.float32).tiny)
 BLOCK: Final = 16_384  # rows that are multiplied at a time without a kernel
 BY_PATH: Final = 0.5  # how much of an instant is told by the way gone so far; the rest by time
@@ -53,7 +53,9 @@ class Directions:
 
 @dataclass(frozen=True)
 class Sketches:
-    """Short vectors of n clips, in whole numbers of steps: a quarter of the memory that a search goes through.
+    """Short vectors of n clips, in whole numbers of steps: half the memory that a search would go through.
+
+    In numbers of one byte most clips would lie within a few steps of one another, for a few lie far out.
 
     Attributes:
         places: [n, w].
@@ -61,7 +63,7 @@ class Sketches:
         norms: [n] minus half the squared length of each; minus infinity for one that is not known.
     """
 
-    places: NDArray[np.int8]
+    places: NDArray[np.int16]
     steps: Float32Array
     norms: Float32Array
 
@@ -70,7 +72,7 @@ class Sketches:
         """Of vectors [n, w], some of which are known."""
         farthest = np.abs(vectors).max(axis=0, initial=0)
         steps = np.where(farthest > 0, farthest / LARGEST, 1).astype(np.float32)
-        places = np.rint(vectors / steps).astype(np.int8)
+        places = np.rint(vectors / steps).astype(np.int16)
         rounded = places * steps
         norms = np.where(known, -np.einsum("nw,nw->n", rounded, rounded) / 2, -np.inf)
         return Sketches(places, steps, norms.astype(np.float32))
@@ -78,25 +80,26 @@ class Sketches:
     def nearness(self, sketch: Float32Array) -> Float32Array:
         """[n] greater for what is nearer to a sketch [w]: half its squared length less half the squared distance."""
         asked = self.steps * sketch
-        step = np.float32(max(float(np.abs(asked).max(initial=0)) / FINEST, TINY))
-        query = np.rint(asked / step).astype(np.int32)
+        finest = WHOLE // (LARGEST * max(1, len(asked)))
+        step = np.float32(max(float(np.abs(asked).max(initial=0)) / finest, TINY))
+        query = np.rint(asked / step).astype(np.int16)
         products = (_products_plainly if few(0) else _products)(self.places, query)
         return np.asarray(self.norms + products * step, dtype=np.float32)
 
 
 @njit(cache=True, nogil=True)
-def _products(places: NDArray[np.int8], query: Int32Array) -> Float32Array:
+def _products(places: NDArray[np.int16], query: NDArray[np.int16]) -> Float32Array:
     """Kernel: [n] products of places [n, w] and a query [w]: of whole numbers, so that they are the same everywhere."""
     found = np.empty(len(places), np.float32)
     for row in range(len(places)):
         total = np.int32(0)
         for i in range(len(query)):
-            total += np.int32(places[row, i]) * query[i]
+            total += np.int32(places[row, i]) * np.int32(query[i])
         found[row] = total
     return found
 
 
-def _products_plainly(places: NDArray[np.int8], query: Int32Array) -> Float32Array:
+def _products_plainly(places: NDArray[np.int16], query: NDArray[np.int16]) -> Float32Array:
     """What `_products` does, without a kernel."""
     found = np.empty(len(places), np.float32)
     for first in range(0, len(places), BLOCK):

@@ -63,7 +63,7 @@ class Shortlist(ShardStage):
     """One shard for the whole lake."""
 
     name = "shortlist"
-    version = 13  # with sketches in whole numbers
+    version = 14  # with sketches in whole numbers of two bytes
     about = "short vectors by which a search chooses the clips that it compares"
     reads_catalog = True
     upstream = tuple(dict.fromkeys(stage.name for stage in KEPT.values()))
