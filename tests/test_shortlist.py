@@ -171,7 +171,8 @@ def test_likeness_is_of_distances_of_vectors(large: Path) -> None:
             row = files.table["clip"].to_pylist().index(clip)
             asked = files.directions(name).project(method.sketch(method.of_row(row)))
             apart = np.linalg.norm(vectors - asked, axis=1)
-            assert apart[row] <= np.linalg.norm(kept.steps) / 2, "rounded to whole steps"
+            halves = 1e-3  # moves are kept in half precision, and were projected before
+            assert apart[row] <= np.linalg.norm(kept.steps) / 2 + halves, "rounded to whole steps"
             scale = np.sort(apart[known])[min(UNIT, known.sum()) - 1]
             expected = np.where(known, 1 / (1 + apart / scale), 0)
             found = method.likeness(method.of_row(row))

@@ -12,6 +12,7 @@ from motionlake.motion.resampling import interpolated, paced_places
 from numpy.typing import NDArray
 
 LARGEST: Final = 8191
+MOST: Final = np.iinfo(np.int16).max  # steps of a query
 WHOLE: Final = np.iinfo(np.int32).max  # as large are products of vectors and a query, both in whole numbers
 TINY: Final = float(np.finfo(np.float32).tiny)
 BLOCK: Final = 16_384  # rows that are multiplied at a time without a kernel
@@ -80,7 +81,7 @@ class Sketches:
     def nearness(self, sketch: Float32Array) -> Float32Array:
         """[n] greater for what is nearer to a sketch [w]: half its squared length less half the squared distance."""
         asked = self.steps * sketch
-        finest = WHOLE // (LARGEST * max(1, len(asked)))
+        finest = min(MOST, WHOLE // (LARGEST * max(1, len(asked))))
         step = np.float32(max(float(np.abs(asked).max(initial=0)) / finest, TINY))
         query = np.rint(asked / step).astype(np.int16)
         products = (_products_plainly if few(0) else _products)(self.places, query)
