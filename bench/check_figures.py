@@ -37,7 +37,6 @@ BENCH: Final = re.compile(r"\bbench\.[a-z]|\bmake bench-")
 SCALES: Final = (1, 100, 1000, 1e-3, 1e-6)
 WITHOUT: Final[tuple[str, ...]] = (
     "applications.md: Query by example inside sequences",
-    "postures.md: Speed of an alignment",
     "synthesis.md: How it does",
     "synthesis.md: In the lake",
 )
