@@ -20,6 +20,7 @@ from motionlake.formats.parse.usd_library import sent_by_library
 from motionlake.formats.parse.usd_packed import Bytes, NotPlainError, unpacked
 from motionlake.formats.parse.usd_plain import plain_nodes
 from motionlake.formats.parse.usd_values import Values
+from motionlake.motion.kinematics import solve
 
 from tests.damage import DAMAGES
 from tests.samples import lacking
@@ -227,6 +228,40 @@ def test_prims_that_are_named_twice_are_not_gone_through_without_end(
     monkeypatch.setattr(Values, "words", lambda values, value: 2 * words(values, value))
     with pytest.raises(NotPlainError, match="twice"):
         plain_nodes(path.read_bytes())
+
+
+def test_paths_that_are_as_deep_as_there_are_prims_are_held_back(tmp_path: Path) -> None:
+    stage = walk(tmp_path / "deep.usdc")
+    stage.DefinePrim("/" + "/".join(f"a_prim_with_a_long_name_{n}" for n in range(1500)))
+    stage.Save()
+    with pytest.raises(NotPlainError, match="too long"):
+        plain_nodes((tmp_path / "deep.usdc").read_bytes())
+
+
+def test_a_body_that_rests_as_it_was_bound_is_as_one_that_nearly_does(tmp_path: Path) -> None:
+    """The shorter way where both poses are the same, and joints do not turn at rest, beside the longer one."""
+    found = []
+    for number, off in enumerate((0.0, 1e-7)):
+        path = tmp_path / f"{number}.usdc"
+        stage = walk(path)
+        for name in ("Anna", "Bert"):
+            skeleton = UsdSkel.Skeleton(stage.GetPrimAtPath(f"/World/{name}/Skel"))
+            rest = np.tile(np.eye(4), (len(JOINTS), 1, 1))
+            if name == "Anna":
+                rest = np.array(matrices(3))
+            rest[:, 3, :3] += np.arange(3 * len(JOINTS)).reshape(-1, 3) + off
+            rest[:, 0, 1] += off
+            bind = rest.copy()  # row vectors: a joint's own before its parent's
+            for joint, parent in ((1, 0), (2, 1), (3, 0)):
+                bind[joint] = rest[joint] @ bind[parent]
+            bind[:, 3, :3] += off
+            skeleton.GetRestTransformsAttr().Set(Vt.Matrix4dArray([Gf.Matrix4d(each.tolist()) for each in rest]))
+            skeleton.GetBindTransformsAttr().Set(Vt.Matrix4dArray([Gf.Matrix4d(each.tolist()) for each in bind]))
+        stage.Save()
+        found.append(read_clips(path))
+    for exact, near in zip(*found, strict=True):
+        np.testing.assert_allclose(exact.hierarchy.offsets, near.hierarchy.offsets, atol=1e-5)
+        np.testing.assert_allclose(solve(exact).positions, solve(near).positions, atol=1e-4)
 
 
 def test_long_lists_of_names_are_held_against_the_limits(tmp_path: Path) -> None:

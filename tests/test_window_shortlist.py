@@ -23,7 +23,7 @@ from motionlake.retrieval.submotion_search import SubmotionSearcher
 from motionlake.retrieval.window_scan import WindowScan
 from motionlake.retrieval.window_shortlist import WindowShortlist, nearest_of_clips
 from motionlake.stages import shortlist_windows, windows
-from motionlake.stages.shortlist_before import rows_by_file
+from motionlake.stages.shortlist_before import rows_by_file, same_rows
 from motionlake.stages.shortlist_files import is_of_windows
 from motionlake.stages.shortlist_windows import DIRECTIONS, ShortlistWindows, kind_of
 
@@ -209,3 +209,18 @@ def test_the_nearest_of_each_clip(seed: int, counts: list[int]) -> None:
     nearest_of_clips(places, starts, asked, steps, 0, len(counts), found)
     wanted = [squares.sum(axis=1)[a:b].min(initial=np.inf) for a, b in pairwise(starts)]
     np.testing.assert_allclose(found, wanted, rtol=1e-5)
+
+
+PAIRS = st.dictionaries(st.sampled_from("abcdefgh"), st.sampled_from(["old", "new", "other"]))
+
+
+@given(PAIRS, PAIRS)
+def test_rows_of_the_same_clip_and_part_are_those_of_a_search_one_by_one(
+    before: dict[str, str], today: dict[str, str]
+) -> None:
+    tables = [pa.table({"clip": pa.array(own, pa.string()), "part": pa.array(own.values(), pa.string())})
+              for own in (before, today)]  # fmt: skip
+    known = {pair: row for row, pair in enumerate(before.items())}
+    wanted = [(known[pair], row) for row, pair in enumerate(today.items()) if pair in known]
+    old, new = same_rows(*tables)
+    assert list(zip(old.tolist(), new.tolist(), strict=True)) == wanted

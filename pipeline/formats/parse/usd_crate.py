@@ -19,6 +19,7 @@ _SECTION: Final = struct.Struct("<16sQQ")
 # Before minor version 7 arrays have no count of eight bytes; what comes after 13 nobody knows.
 _MINOR: Final = range(7, 14)
 _MOST: Final = 20_000  # paths, fields or sections; of larger scenes the library finds the skeletons sooner
+_MOST_TEXT: Final = 1 << 24  # characters of all paths
 _SETS_END: Final = -1  # of four bytes
 _KINDS: Final = frozenset((1, 6, 7, 8))  # of specs: attribute, prim, the layer itself, relationship
 
@@ -41,10 +42,12 @@ class Crate:
         names, values = _fields(sections["FIELDS"])
         used = [self.words[name] for name in names]
         self.fields: dict[str, dict[str, int]] = {}
-        members = _sets(sections["FIELDSETS"])
+        sets = {
+            begin: {used[field]: values[field] for field in chosen}
+            for begin, chosen in _sets(sections["FIELDSETS"]).items()
+        }
         for path, begin in _specs(sections["SPECS"]):
-            chosen = members[begin : members.index(_SETS_END, begin)]
-            self.fields[self.paths[path]] = {used[field]: values[field] for field in chosen}
+            self.fields[self.paths[path]] = sets[begin]
 
     def _sections(self) -> dict[str, Bytes]:
         if len(self.data) < _HEAD.size:
@@ -87,9 +90,13 @@ def _fields(section: Bytes) -> tuple[list[int], list[int]]:
     return names, list(struct.unpack(f"<{count}Q", unpacked(section.take(section.number()), 8 * count)))
 
 
-def _sets(section: Bytes) -> list[int]:
-    """The numbers of the fields of all sets, one after the other, each with an end."""
-    return section.integers(_counted(section))
+def _sets(section: Bytes) -> dict[int, list[int]]:
+    """The numbers of the fields of each set, by where it begins: one comes after the other, each with an end."""
+    members, found, begin = section.integers(_counted(section)), dict[int, list[int]](), 0
+    for at, member in enumerate(members):
+        if member == _SETS_END:
+            found[begin], begin = members[begin:at], at + 1
+    return found
 
 
 def _specs(section: Bytes) -> list[tuple[int, int]]:
@@ -110,7 +117,7 @@ def _paths(section: Bytes, words: Sequence[str]) -> list[str]:
     numbers, elements, jumps = (section.integers(encoded) for _ in range(3))
     found = [""] * count
     waiting: list[tuple[int, str | None]] = [(0, None)]
-    seen = 0
+    seen = written = 0
     while waiting:
         at, above = waiting.pop()
         while True:
@@ -119,6 +126,9 @@ def _paths(section: Bytes, words: Sequence[str]) -> list[str]:
                 raise NotPlainError("has paths that are no tree")
             word = words[abs(elements[at])]
             path = _below(above, word, elements[at] < 0)
+            written += len(path)
+            if written > _MOST_TEXT:  # of a tree that is as deep as it has nodes, paths take the square of them
+                raise NotPlainError("has paths that are too long")
             found[numbers[at]] = path
             jump = jumps[at]
             if jump > 0:  # both: the sibling is further on
