@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from motionlake.arrays import Float64Array
 from motionlake.formats.parse.scene import Placing, Placings, Worlds, against_rest, worlds
 from motionlake.formats.parse.scene_trees import JointTree
-from motionlake.motion.rotations import conjugate, from_vectors, multiply, rotate
+from motionlake.motion.rotations import conjugate, from_vectors, multiply, rotate, to_matrix
 from scipy.spatial.transform import Rotation
 
 FRAMES = 3
@@ -59,3 +59,19 @@ def test_rotation_vectors_turn_as_scipy_says(seed: int, size: float) -> None:
     np.testing.assert_allclose(
         rotate(from_vectors(vectors), vectors + 1), rotate(expected, vectors + 1), rtol=0, atol=1e-12
     )
+
+
+@given(st.integers(0, 2**32), st.sampled_from([0.0, 1e-9, 0.5, 3.0]), st.booleans())
+def test_matrices_are_told_apart_into_what_they_were_made_of(seed: int, angle: float, sized: bool) -> None:
+    rng = np.random.default_rng(seed)
+    axes = rng.normal(size=(4, 3))
+    half = angle / 2
+    quaternions = np.column_stack(
+        [np.full(4, np.cos(half)), np.sin(half) * axes / np.linalg.norm(axes, axis=1, keepdims=True)]
+    )
+    sizes = rng.uniform(0.5, 2, (4, 3)) if sized else np.ones((4, 3))
+    made = np.tile(np.eye(4), (4, 1, 1))
+    made[:, :3, :3], made[:, :3, 3] = to_matrix(quaternions) * sizes[:, None, :], rng.normal(size=(4, 3))
+    found = Placing.of_matrices(made)
+    np.testing.assert_allclose(to_matrix(found.rotation) * found.scale[:, None, :], made[:, :3, :3], atol=1e-12)
+    np.testing.assert_array_equal(found.translation, made[:, :3, 3])

@@ -264,6 +264,15 @@ def test_a_body_that_rests_as_it_was_bound_is_as_one_that_nearly_does(tmp_path: 
         np.testing.assert_allclose(solve(exact).positions, solve(near).positions, atol=1e-4)
 
 
+def test_a_body_that_was_bound_in_another_pose_rests_in_that(tmp_path: Path) -> None:
+    path = tmp_path / "walk.usdc"
+    walk(path, seed=5).Save()
+    bound = np.array(matrices(6))[:, 3, :3]
+    for clip in read_clips(path):
+        bones = bound - bound[[max(parent, 0) for parent in clip.hierarchy.parents]]
+        np.testing.assert_allclose(clip.hierarchy.offsets[1:], bones[1:], atol=1e-9)
+
+
 def test_long_lists_of_names_are_held_against_the_limits(tmp_path: Path) -> None:
     path = tmp_path / "walk.usdc"
     stage = walk(path)
