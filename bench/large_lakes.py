@@ -27,8 +27,8 @@ from motionlake.deep_motifs.words.network import load_network
 from motionlake.jobs.run import run
 from motionlake.jobs.session import session
 from motionlake.lake.catalog import Connection, create_catalog, fetch, reading, run_sql, writing
+from motionlake.lake.file_list import list_files, sums_of
 from motionlake.lake.frames import Frames, read_part
-from motionlake.lake.integrity import list_files, sums_of
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import write_part
 from motionlake.lake.settings import served_config

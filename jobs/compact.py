@@ -11,7 +11,7 @@ from motionlake.jobs.session import Session
 from motionlake.jobs.shards import with_inputs
 from motionlake.lake.catalog import fetch, reading, writing
 from motionlake.lake.config import load_config
-from motionlake.lake.integrity import list_files
+from motionlake.lake.file_list import list_files
 from motionlake.lake.layout import Lake
 from motionlake.lake.space import blocks_of, forget_models, rewrite_catalog, superseded
 from motionlake.lake.working import serve

@@ -11,7 +11,7 @@ from typing import Any
 from motionlake.jobs.session import Session
 from motionlake.lake.catalog import reading, writing
 from motionlake.lake.config import LakeConfig
-from motionlake.lake.integrity import sums_of
+from motionlake.lake.file_list import sums_of
 from motionlake.lake.models import Model, add_model, current_model, next_file
 from motionlake.stages.frames import content_key
 from motionlake.stages.model_kind import ModelKind, Selection

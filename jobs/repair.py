@@ -12,12 +12,7 @@ from motionlake.formats.limits_config import Limits
 from motionlake.jobs.run import update
 from motionlake.jobs.session import Session
 from motionlake.lake.catalog import fetch, load_rows, reading, run_sql, table_of, writing
-from motionlake.lake.integrity import (
-    FileSums,
-    list_files,
-    listed_in,
-    sums_of,
-)
+from motionlake.lake.file_list import FileSums, list_files, listed_in, sums_of
 from motionlake.lake.mend import Mended
 from motionlake.lake.named_files import frames_by_part, named_files
 from motionlake.lake.verify import deep_faults

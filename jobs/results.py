@@ -12,7 +12,7 @@ import pyarrow as pa
 from motionlake.errors import FULL
 from motionlake.jobs.shards import Ended
 from motionlake.lake.catalog import load_rows, table_of, writing
-from motionlake.lake.integrity import list_files
+from motionlake.lake.file_list import list_files
 from motionlake.lake.layout import Lake
 from motionlake.names import typed
 from motionlake.stages.stage import Shard, ShardResult, ShardStage

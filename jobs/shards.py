@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Final, cast
 from motionlake.allocation import keep_freed
 from motionlake.errors import DamagedError, UserError
 from motionlake.lake.catalog import reading
-from motionlake.lake.integrity import bring, damage, fault, given, listed_in, sums_of
+from motionlake.lake.file_list import listed_in, sums_of
+from motionlake.lake.integrity import bring, damage, fault, given
 from motionlake.lake.layout import Lake
 from motionlake.lake.named_files import frames_by_part, named_files
 from motionlake.stages.file_watch import at_fault, replaceable

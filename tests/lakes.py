@@ -26,8 +26,8 @@ import pytest
 from distributed import LocalCluster
 from motionlake.cli.main import main
 from motionlake.lake.catalog_file import announce_anew
+from motionlake.lake.file_list import list_files, sums_of
 from motionlake.lake.frames import read_part
-from motionlake.lake.integrity import list_files, sums_of
 from motionlake.lake.layout import Lake
 
 from tests.processes import Started

@@ -18,7 +18,7 @@ from motionlake.glogen.config import SynthesisConfig
 from motionlake.glogen.generator import EmbeddedMotions, TrainingMotion, embed_motions
 from motionlake.glogen.generator_training import train_generator
 from motionlake.lake.catalog import writing
-from motionlake.lake.integrity import sums_of
+from motionlake.lake.file_list import sums_of
 from motionlake.lake.layout import open_lake
 from motionlake.lake.models import add_model, next_file, save_model
 from motionlake.motion.generation import GeneratedMotion, MotionRequest

@@ -18,7 +18,8 @@ from motionlake.errors import ClipError
 from motionlake.formats import read_clips
 from motionlake.formats.parse.gltf_document import GltfDocument
 from motionlake.formats.parse.keys import even_rate, sample
-from motionlake.formats.parse.scene import Placing, Placings, worlds
+from motionlake.formats.parse.placings import Placing, Placings
+from motionlake.formats.parse.scene import worlds
 from motionlake.formats.parse.scene_trees import JointTree
 from motionlake.formats.registry import companions
 from motionlake.formats.write.glb import glb_bytes

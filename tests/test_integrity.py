@@ -16,7 +16,8 @@ from motionlake.errors import DamagedError
 from motionlake.lake import integrity
 from motionlake.lake.catalog import fetch, writing
 from motionlake.lake.catalog_file import read_sums
-from motionlake.lake.integrity import list_files, sound, sound_while, sums_of
+from motionlake.lake.file_list import list_files, sums_of
+from motionlake.lake.integrity import sound, sound_while
 from motionlake.lake.layout import Lake, open_lake
 from motionlake.lake.loaded import loaded
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from motionlake.lake.catalog import reading, writing
-from motionlake.lake.integrity import sums_of
+from motionlake.lake.file_list import sums_of
 from motionlake.lake.layout import open_lake
 from motionlake.lake.lock import Holder
 from motionlake.lake.models import add_model, current_model

@@ -6,7 +6,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 from motionlake.arrays import Float64Array
-from motionlake.formats.parse.scene import Placing, Placings, Worlds, against_rest, worlds
+from motionlake.formats.parse.placings import Placing, Placings
+from motionlake.formats.parse.scene import Worlds, against_rest, worlds
 from motionlake.formats.parse.scene_trees import JointTree
 from motionlake.motion.rotations import conjugate, from_vectors, multiply, rotate, to_matrix
 from scipy.spatial.transform import Rotation

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from motionlake.errors import DamagedError
 from motionlake.lake import integrity
-from motionlake.lake.integrity import sums_of
+from motionlake.lake.file_list import sums_of
 from motionlake.lake.layout import Lake
 from motionlake.stages.shortlist_files import file_of
 from motionlake.stages.shortlist_pieces import Kind, Pieces, PieceWriter, RowPlaces, serving

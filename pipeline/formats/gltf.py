@@ -20,9 +20,8 @@ from motionlake.formats.parse.gltf_document import (
     whole,
 )
 from motionlake.formats.parse.keys import even_count, even_rate, sample
+from motionlake.formats.parse.placings import Placing, Placings
 from motionlake.formats.parse.scene import (
-    Placing,
-    Placings,
     bind_pose,
     body_names,
     check_room,

@@ -10,7 +10,8 @@ from pathlib import Path
 
 from motionlake.errors import UserError
 from motionlake.lake.catalog import fetch, reading
-from motionlake.lake.integrity import listed_in, sound
+from motionlake.lake.file_list import listed_in
+from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import replacing
 from motionlake.lake.records import build_catalog, read_records, write_records

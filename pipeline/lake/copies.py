@@ -22,8 +22,9 @@ from motionlake.errors import UserError, user_name
 from motionlake.lake.bucket import Bucket, ConflictError, Stored, Version
 from motionlake.lake.catalog import reading
 from motionlake.lake.catalog_file import announce_anew, announce_catalog, catalog_written, known_sums, sums_of_file
+from motionlake.lake.file_list import FileSums, listed_in
 from motionlake.lake.garbage import collect_garbage
-from motionlake.lake.integrity import FileSums, fault, listed_in, sound
+from motionlake.lake.integrity import fault, sound
 from motionlake.lake.lacking import as_stored, bring_file
 from motionlake.lake.layout import Lake
 from motionlake.lake.lock import locked

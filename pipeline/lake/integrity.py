@@ -8,53 +8,28 @@ Of a lake in a bucket a copy may lack files (`lacking`): they are fetched before
 
 from __future__ import annotations
 
-import hashlib
 import os
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import partial
-from io import FileIO
 from pathlib import Path
-from typing import Final, NamedTuple, TypeVar
+from typing import Final, TypeVar
 
-import pyarrow as pa
 from motionlake.errors import DamagedError
-from motionlake.lake.catalog import Connection, fetch_table, load_rows, remember, remembered, table_of
+from motionlake.lake.catalog import Connection, remember, remembered
+from motionlake.lake.file_list import FileSums, Listed, ListedFiles, blocks, listed_in, sums_of
 from motionlake.lake.layout import Lake
 from motionlake.threads import in_threads
 
 Found = TypeVar("Found")
-FILE_ROWS: Final = pa.schema(
-    {"file": pa.string(), "size": pa.int64(), "mtime_ns": pa.int64(), "crc32": pa.uint32(), "sha256": pa.string()}
-)
 OTHER_BYTES: Final = "holds other bytes than were written"
-_BLOCK: Final = 1 << 17  # bytes read at a time
 _TOGETHER: Final = 1 << 26  # bytes from which on several threads compare them sooner than one
 WHOLE: Final = 1 << 30  # bytes of a folder up to which all of them are compared before SQL reads it: a quarter second
 
 
-class FileSums(NamedTuple):
-    """A file as it was written.
-
-    Attributes:
-        file: its name relative to the lake.
-        size: in bytes.
-        mtime_ns: when it was written last.
-        crc32: of its bytes, which tells accidents as fast as a disk reads.
-        sha256: of its bytes.
-    """
-
-    file: str
-    size: int
-    mtime_ns: int
-    crc32: int
-    sha256: str
-
-
-Listed = Mapping[str, FileSums]  # by name relative to the lake
 Fetch = Callable[[Sequence[FileSums]], None]  # puts files where they belong, or raises `UserError`
 
 
@@ -80,59 +55,6 @@ def bring(lake: Lake, wanted: Iterable[FileSums]) -> None:
     files = lacking(lake, wanted)
     if files:
         _fetches[lake.root](files)
-
-
-def sums_of(lake: Lake, file: str) -> FileSums:
-    """Size and hashes of a file of the lake as it lies there now."""
-    crc, sha = 0, hashlib.sha256()
-    with lake.path(file).open("rb", buffering=0) as handle:
-        for block in _blocks(handle):
-            crc = zlib.crc32(block, crc)
-            sha.update(block)
-        found = os.fstat(handle.fileno())
-    return FileSums(file, found.st_size, found.st_mtime_ns, crc, sha.hexdigest())
-
-
-def _blocks(handle: FileIO) -> Iterator[memoryview]:
-    """What is left of a file, in pieces that stay in the processor's cache."""
-    block = memoryview(bytearray(_BLOCK))
-    while count := handle.readinto(block):
-        yield block[:count]
-
-
-class ListedFiles(Mapping[str, FileSums]):
-    """Files of a catalog by name, kept as columns: of tens of thousands of files a command asks for a few."""
-
-    def __init__(self, table: pa.Table) -> None:
-        self._columns = [table[name].combine_chunks() for name in FileSums._fields]
-        self._rows = {name: row for row, name in enumerate(self._columns[0].to_pylist())}
-
-    def __getitem__(self, file: str) -> FileSums:
-        row = self._rows[file]
-        return FileSums(*(column[row].as_py() for column in self._columns))
-
-    def __contains__(self, file: object) -> bool:
-        return file in self._rows
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._rows)
-
-    def __len__(self) -> int:
-        return len(self._rows)
-
-    def every(self) -> list[FileSums]:
-        """All of them, in the order of their names."""
-        return list(map(FileSums, *(column.to_pylist() for column in self._columns)))
-
-
-def listed_in(con: Connection) -> ListedFiles:
-    """Every file that a catalog lists."""
-    return ListedFiles(fetch_table(con, "files"))
-
-
-def list_files(con: Connection, files: Iterable[FileSums]) -> None:
-    """Enter files as they were written just now, within the caller's transaction."""
-    load_rows(con, "add_files", table_of([file._asdict() for file in files], FILE_ROWS))
 
 
 def stat_fault(lake: Lake, wanted: FileSums) -> str | None:
@@ -171,7 +93,7 @@ def _fault_at(path: Path, wanted: FileSums) -> str | None:
             return None
         with path.open("rb", buffering=0) as handle:
             crc = 0
-            for block in _blocks(handle):
+            for block in blocks(handle):
                 crc = zlib.crc32(block, crc)
     except FileNotFoundError:
         return "is missing"

@@ -7,7 +7,8 @@ from collections.abc import Callable, Sequence
 from typing import Final
 
 from motionlake.lake.bucket import Bucket, Stored
-from motionlake.lake.integrity import FileSums, fetched_by
+from motionlake.lake.file_list import FileSums
+from motionlake.lake.integrity import fetched_by
 from motionlake.lake.layout import Lake
 from motionlake.lake.origin import Origin
 from motionlake.lake.parts import replacing

@@ -31,9 +31,9 @@ from motionlake.lake.catalog import (
     table_of,
     version_of,
 )
+from motionlake.lake.file_list import FILE_ROWS, sums_of
 from motionlake.lake.frames import KEY, SCHEMA, RigsFooter, clip_tables, footer_clip, motion_footer
 from motionlake.lake.garbage import remove_stale_copies
-from motionlake.lake.integrity import FILE_ROWS, sums_of
 from motionlake.lake.layout import Lake
 from motionlake.lake.lock import locked
 from motionlake.lake.parts import PartWriter, check_part, replacing

@@ -14,7 +14,7 @@ from typing import Any
 from motionlake.errors import UserError
 from motionlake.lake.catalog import Connection, fetch, remembered, run_sql
 from motionlake.lake.config import canonical_json
-from motionlake.lake.integrity import FileSums, list_files
+from motionlake.lake.file_list import FileSums, list_files
 from motionlake.lake.layout import Lake
 from motionlake.lake.lock import writes_now
 from motionlake.lake.parts import replacing

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from motionlake.lake.integrity import Listed
+from motionlake.lake.file_list import Listed
 
 
 def frames_by_part(listed: Listed) -> dict[str, str]:

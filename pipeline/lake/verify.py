@@ -16,7 +16,8 @@ from motionlake.arrays import StepProgress
 from motionlake.errors import DamagedError
 from motionlake.lake.catalog import fetch, reading
 from motionlake.lake.catalog_file import check_catalog, kept_fault, known_sums, read_sums, sums_of_file
-from motionlake.lake.integrity import FileSums, deep_fault, listed_in, touched_faults
+from motionlake.lake.file_list import FileSums, listed_in
+from motionlake.lake.integrity import deep_fault, touched_faults
 from motionlake.lake.layout import Lake
 from motionlake.lake.records import read_records
 from motionlake.lake.settings import changed_settings

@@ -16,7 +16,8 @@ import pyarrow as pa
 from motionlake import sql
 from motionlake.lake.catalog import Connection, load_rows, table_of
 from motionlake.lake.config import load_config
-from motionlake.lake.integrity import list_files, sound
+from motionlake.lake.file_list import list_files
+from motionlake.lake.integrity import sound
 from motionlake.lake.layout import Lake
 from motionlake.lake.merging import Order, clips_in, merge_parts
 from motionlake.stages.merge_graph import follow_graph

@@ -11,7 +11,8 @@ import pyarrow.compute as pc
 from motionlake.columns import read_parquet
 from motionlake.lake.catalog import fetch, load_rows, table_of
 from motionlake.lake.config import config_hash
-from motionlake.lake.integrity import FileSums, sound, sums_of
+from motionlake.lake.file_list import FileSums, sums_of
+from motionlake.lake.integrity import sound
 from motionlake.lake.parts import write_part
 from motionlake.stages.graph import GRAPH, made_of
 from motionlake.stages.graph_before import FOOTER, footer_of

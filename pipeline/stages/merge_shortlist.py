@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import pyarrow as pa
 from motionlake.lake.catalog import fetch, load_rows, table_of
 from motionlake.lake.config import config_hash
-from motionlake.lake.integrity import FileSums, listed_in, sums_of
+from motionlake.lake.file_list import FileSums, listed_in, sums_of
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import sync_folder
 from motionlake.stages.merge_graph import REPLACED_ROWS, Follow, Merged, replaced

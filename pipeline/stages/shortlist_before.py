@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 from motionlake.arrays import BoolArray, Int64Array
 from motionlake.columns import column_of, numbers
-from motionlake.lake.integrity import listed_in
+from motionlake.lake.file_list import listed_in
 from motionlake.lake.layout import Lake
 from motionlake.motion.moves import KIND
 from motionlake.stages.reader import LakeReader

@@ -17,7 +17,8 @@ import pyarrow as pa
 from motionlake.arrays import Float32Array, Float64Array, Int64Array
 from motionlake.columns import numbers
 from motionlake.errors import UserError
-from motionlake.lake.integrity import FileSums, sound_files
+from motionlake.lake.file_list import FileSums
+from motionlake.lake.integrity import sound_files
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import replacing
 from motionlake.motion.moves import WIDTH

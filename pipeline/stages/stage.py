@@ -18,7 +18,7 @@ from typing import Any, ClassVar, NamedTuple
 import pyarrow as pa
 from motionlake.lake.catalog import Connection, fetch, remembered, run_sql
 from motionlake.lake.config import canonical_json, plain
-from motionlake.lake.integrity import FileSums
+from motionlake.lake.file_list import FileSums
 from motionlake.lake.layout import Lake
 from motionlake.lake.merging import Order, merge_parts
 from motionlake.lake.parts import PartWriter, check_part, replacing

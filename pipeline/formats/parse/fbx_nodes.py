@@ -17,7 +17,8 @@ from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
 from motionlake.formats.limits_config import limits
 from motionlake.formats.parse.own_process import read_apart, serve
-from motionlake.formats.parse.scene import Placing, Placings, check_room
+from motionlake.formats.parse.placings import Placing, Placings
+from motionlake.formats.parse.scene import check_room
 from motionlake.formats.parse.scene_nodes import SceneHead, SceneNodes
 
 LATE: Final = 0.1  # of a frame: how far after the end of an animation an instant may be

@@ -6,15 +6,15 @@ stands above them moves them too, and the pose in which they were bound to the s
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from motionlake.arrays import BoolArray, Float64Array, FloatArray
+from motionlake.arrays import Float64Array
 from motionlake.errors import ClipError
 from motionlake.formats.limits_config import FRAME_BYTES, JOINT_BYTES, limits
+from motionlake.formats.parse.placings import Placing, Placings, are_sound
 from motionlake.formats.parse.scene_trees import JointTree
 from motionlake.motion.clip import (
     POSITION_CHANNELS,
@@ -23,96 +23,14 @@ from motionlake.motion.clip import (
     Hierarchy,
     SourceClip,
 )
-from motionlake.motion.rotations import IDENTITY, from_matrix, multiply, normalise, to_matrix
+from motionlake.motion.rotations import IDENTITY, multiply, to_matrix
 from motionlake.names import printable, unique
 
 # Shares of the body's size: what a joint's place under its parent may waver by and still be one offset.
 STEADY: Final = 1e-5
-FLATTEST: Final = 1e-12  # a matrix whose determinant is smaller, its largest number being 1, turns a body into a plane
 ROUNDING: Final = 1e-12  # of the largest number
-UNEQUAL: Final = 1e-3  # of a scale's largest number
 LONGEST_NAME: Final = 100
 NO_PLACE: Final = "has a node that is scaled to nothing, or placed at no number"
-
-
-@dataclass(frozen=True)
-class Placing:
-    """How one node stands below its parent, at F frames or, with F = 1, at all of them.
-
-    Attributes:
-        translation: [F, 3].
-        rotation: [F, 4] unit quaternions (w, x, y, z).
-        scale: [F, 3].
-    """
-
-    translation: Float64Array = field(default_factory=lambda: np.zeros((1, 3)))
-    rotation: Float64Array = field(default_factory=lambda: IDENTITY[None])
-    scale: Float64Array = field(default_factory=lambda: np.ones((1, 3)))
-
-    @classmethod
-    def of_matrices(cls, matrices: Float64Array) -> Placing:
-        """Of [F, 4, 4] matrices that turn column vectors; shear is lost, as everywhere where nodes have none."""
-        linear = matrices[:, :3, :3]
-        if np.isfinite(matrices).all() and (linear == np.eye(3)).all():  # much of what rests
-            return cls(matrices[:, :3, 3].copy(), *(np.tile(one, (len(matrices), 1)) for one in (IDENTITY, np.ones(3))))
-        if not _are_sound(matrices).all():
-            raise ClipError("has a node whose matrix is no placement")
-        scale = np.linalg.norm(linear, axis=1)
-        scale[:, 0] *= np.where(np.linalg.det(linear) < 0, -1.0, 1.0)
-        return cls(matrices[:, :3, 3].copy(), from_matrix(linear / scale[:, None, :]), scale)
-
-
-@dataclass(frozen=True)
-class Placings:
-    """How N nodes stand below their parents; each part at F frames or, where it is one for all of them, at one.
-
-    Attributes:
-        translation: [F, N, 3].
-        rotation: [F, N, 4] quaternions (w, x, y, z) of any length but zero.
-        scale: [F, N, 3].
-    """
-
-    translation: FloatArray
-    rotation: FloatArray
-    scale: FloatArray
-
-    @classmethod
-    def of(cls, placings: Sequence[Placing]) -> Placings:
-        """Of each node."""
-        return cls(*(_stacked(parts) for parts in zip(*(vars(each).values() for each in placings), strict=True)))
-
-    @property
-    def first(self) -> Placings:
-        """At the first frame."""
-        return Placings(*(part[:1] for part in vars(self).values()))
-
-    def of_nodes(self, nodes: Sequence[int]) -> list[Placing]:
-        """Of some nodes; -1 is one that stands as its parent."""
-        moves, turns, sizes = (np.asarray(part, np.float64) for part in vars(self).values())
-        parts = (moves, normalise(turns), sizes)
-        return [Placing() if node < 0 else Placing(*(part[:, node] for part in parts)) for node in nodes]
-
-    @property
-    def uneven(self) -> BoolArray:
-        """[N] whether nodes are scaled more along one axis than along another."""
-        size = np.abs(self.scale)
-        if (size[..., :1] == size).all():
-            return np.zeros(size.shape[1], bool)
-        return np.asarray((np.ptp(size, axis=2) > UNEQUAL * size.max(axis=2)).any(axis=0))
-
-
-def beside_each_other(placings: Sequence[Placings]) -> Placings:
-    """Those of some nodes and those of others, in single precision where no number loses by it."""
-    found = []
-    for parts in zip(*(vars(each).values() for each in placings), strict=True):
-        with np.errstate(over="ignore"):
-            single = all(part.dtype.itemsize <= 4 or (part[:1].astype(np.float32) == part).all() for part in parts)
-        nodes = [part.shape[1] for part in parts]
-        whole = np.empty((max(map(len, parts)), sum(nodes), parts[0].shape[2]), np.float32 if single else np.float64)
-        for part, end in zip(parts, itertools.accumulate(nodes), strict=True):
-            whole[:, end - part.shape[1] : end] = part
-        found.append(whole)
-    return Placings(*found)
 
 
 @dataclass(frozen=True)
@@ -154,14 +72,6 @@ def worlds(tree: JointTree, placings: Placings, frames: int, nodes: Sequence[int
     return Worlds(positions, rotations)
 
 
-def _stacked(values: Sequence[Float64Array]) -> Float64Array:
-    """[F, N, n] of [F, n] or [1, n] of each node."""
-    stacked = np.empty((max(map(len, values)), len(values), values[0].shape[1]))
-    for number, each in enumerate(values):
-        stacked[:, number] = each
-    return stacked
-
-
 def bind_pose(tree: JointTree, rest: Sequence[Placing], bound: Mapping[int, Float64Array]) -> Worlds:
     """Where joints were when they were bound to the skin; those that were not stand below their parent as they rest.
 
@@ -176,7 +86,7 @@ def bind_pose(tree: JointTree, rest: Sequence[Placing], bound: Mapping[int, Floa
     inverses = _inverse(matrices)
     nodes = [node for node in tree.joints if node in bound]
     given = np.array([bound[node] for node in nodes]).reshape(-1, 4, 4)
-    sound = _are_sound(given)
+    sound = are_sound(given)
     place = {node: number for number, node in enumerate(node for node, fits in zip(nodes, sound, strict=True) if fits)}
     chosen = np.array([place.get(node, -1) for node in tree.joints])
     as_bound = _inverse(given[sound])
@@ -212,7 +122,7 @@ def _matrices(tree: JointTree, rest: Sequence[Placing]) -> Float64Array:
     for at, parent in enumerate(tree.parents):
         if parent >= 0:
             local[at] = local[parent] @ local[at]
-    if not _are_sound(local).all():
+    if not are_sound(local).all():
         raise ClipError(NO_PLACE)
     return local
 
@@ -227,16 +137,6 @@ def _inverse(matrices: Float64Array) -> Float64Array:
         return np.asarray(np.linalg.inv(matrices), np.float64)
     except np.linalg.LinAlgError as error:
         raise ClipError(NO_PLACE) from error
-
-
-def _are_sound(matrices: Float64Array) -> BoolArray:
-    """[N] whether matrices [N, 4, 4] are placements that can be undone."""
-    linear = matrices[:, :3, :3]
-    with np.errstate(all="ignore"):
-        size = np.abs(linear).max(axis=(1, 2))
-        sized = (size > FLATTEST) & (size < 1 / FLATTEST) & np.isfinite(matrices).all(axis=(1, 2))
-        scaled = np.where(sized[:, None, None], linear / size[:, None, None], 0.0)
-        return np.asarray(sized & (np.abs(np.linalg.det(scaled)) > FLATTEST))
 
 
 def uneven_note(names: Sequence[str], placings: Placings, nodes: Sequence[int] | None = None) -> tuple[str, ...]:

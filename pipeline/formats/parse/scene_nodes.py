@@ -13,8 +13,8 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float64Array, FloatArray, UInt8Array
+from motionlake.formats.parse.placings import Placings
 from motionlake.formats.parse.scene import (
-    Placings,
     bind_pose,
     body_names,
     check_room,

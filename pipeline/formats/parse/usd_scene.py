@@ -12,7 +12,8 @@ from motionlake.errors import ClipError
 from motionlake.formats.clip_checks import MAX_FPS, MIN_FPS
 from motionlake.formats.limits_config import limits
 from motionlake.formats.parse.keys import SPARSE_FPS, even_count, even_rate
-from motionlake.formats.parse.scene import Placing, Placings, beside_each_other, check_room
+from motionlake.formats.parse.placings import Placing, Placings, beside_each_other
+from motionlake.formats.parse.scene import check_room
 from motionlake.formats.parse.scene_nodes import SceneHead, SceneNodes
 from motionlake.motion.rotations import MIN_LENGTH
 
