@@ -208,13 +208,38 @@ def test_zero_pose_and_motion_together_tell_the_up_axis(axis: str) -> None:
     assert canonicalise(clip, turned, rig, up="y").up == "y"
     assert canonicalise(replace(clip, up="y"), turned, rig).up == "y"
     # Who lies in the motion and stands in the zero pose lies, and a root that lifts a zero pose that lies says nothing.
+    on_the_ground = rotate(turn, positions * 100)
+    on_the_ground[..., 1] -= on_the_ground[..., 1].min()
     for lying in (
-        SolvedMotion(rotate(turn, positions * 100), *[multiply(turn, world)] * 2),
+        SolvedMotion(on_the_ground, *[multiply(turn, world)] * 2),
         SolvedMotion(positions * 100, *[multiply(world, conjugate(turn))] * 2),
     ):
         motion = canonicalise(clip, lying, rig)
         assert motion.up == "y"
         assert not any("by the body" in note for note in motion.notes if "unit" not in note)
+
+
+@pytest.mark.parametrize("axis", ["z", "-z"])
+def test_a_body_on_its_feet_tells_the_up_axis_where_it_would_lie_below_the_ground(axis: str) -> None:
+    """The zero pose stands along y and the root turns it: as many a file is written by programs whose up is z."""
+    rig = replace(RIGS["canonical"], rest=Rest.ZERO)
+    _, world, positions = made_motion(4, scale=0.02)
+    positions = positions - positions[:, :1] * (1.0, 0.0, 1.0)
+    positions[..., 1] -= positions[..., 1].min(axis=1, keepdims=True)
+    clip, _ = clip_of(world, positions)
+    turn = conjugate(turn_to_y_up(axis))
+
+    def told(moved: tuple[float, float, float]) -> str:
+        """The up axis of a file whose body stands along `axis`, moved in its frames by shares of a metre."""
+        at = rotate(turn, positions) + np.array(moved)
+        return canonicalise(clip, SolvedMotion(at * 100, *[multiply(turn, world)] * 2), rig).up
+
+    sign = -1.0 if axis == "-z" else 1.0
+    assert told((0.0, -0.1, 0.0)) == axis
+    assert told((0.0, 3.0, 0.0)) == axis  # above the ground, were y up
+    assert told((0.0, -0.1, sign * 1.0)) == "y"  # its feet stand on nothing
+    lowest = float(rotate(turn, positions)[..., 1].min())
+    assert told((0.0, -lowest, 0.0)) == "y"  # it may lie on the ground
 
 
 @pytest.mark.parametrize("axis", ["z", "-z", "-y"])

@@ -149,6 +149,32 @@ def test_an_end_site_stands_for_a_wrist_and_a_sole_for_no_toe() -> None:
     assert rig.filled["left_toe"].offset is not None
 
 
+def test_fingers_part_at_the_wrist_where_a_joint_of_the_palm_lies_in_it() -> None:
+    """Between the wrist and a finger a joint in the place of the wrist, as Perception Neuron's hands have it."""
+    hierarchy, truth = body(spines=2, clavicles=True, toes=True, buttocks=False, fingers=0)
+    bones = list(zip(hierarchy.joints, hierarchy.parents, map(tuple, hierarchy.offsets), strict=True))
+    for side, x in (("left", 1), ("right", -1)):
+        wrist = truth[f"{side}_wrist"]
+        bones += [(f"{side}{wrist}", wrist, (0.08 * x, 0.0, 0.02)), (f"{side}p", wrist, (0.001 * x, 0.0, 0.004))]
+        palm = len(bones) - 1
+        bones += [(f"{side}1", palm, (0.09 * x, 0.0, 0.0)), (f"{side}2", palm, (0.03 * x, 0.0, 0.02))]
+    found = solve_rig(tree(bones), [None] * len(bones))
+    assert {part: found[part] for part in truth} == truth
+
+
+def test_a_known_rig_whose_feet_end_is_not_that_of_feet_that_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Names as Perception Neuron has them, and a joint of another name after each foot."""
+    known = BODIES["perception_neuron"]
+    monkeypatch.setitem(BODIES, "goes on", replace(known, leg=(*known.leg, "ForeFoot")))
+    clip = walker("goes on")
+    motion = solve(clip)
+    found = rig_of(clip, motion, load_rigs())
+    assert found.name.startswith("auto:")
+    assert (found.joints["left_toe"], found.joints["right_toe"]) == ("LeftForeFoot", "RightForeFoot")
+    with pytest.raises(ClipError, match="LeftFoot has no end site"):
+        canonicalise(clip, motion, rig_of(clip, motion, load_rigs(), "perception_neuron"))
+
+
 def test_end_sites_tell_where_a_body_without_toes_faces() -> None:
     """Straight legs, stretched a little too far, and no names: the feet's end sites outweigh the knees."""
     hierarchy, truth = body(spines=2, clavicles=True, toes=False, buttocks=False, fingers=0)

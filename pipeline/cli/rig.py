@@ -43,7 +43,7 @@ def rig(
     from motionlake.lake.config import load_config
     from motionlake.motion.auto_rig import first_map, match_rig
     from motionlake.motion.kinematics import solve
-    from motionlake.motion.rigs import identify, load_rigs
+    from motionlake.motion.rigs import identify, load_rigs, placeable
     from motionlake.motion.rigs_config import RigsConfig
 
     rigs = load_rigs(lake / "rigs" if lake else None)
@@ -64,7 +64,7 @@ def rig(
     known, match = None, None
     if not starter:
         with suppress(ClipError):
-            known = identify(source.hierarchy.joints, rigs)
+            known = identify(source.hierarchy.joints, placeable(source.hierarchy, rigs))
     if known is None:
         config = load_config(lake / "config.toml") if lake else None
         match = match_rig(source.hierarchy, motion, config.of(RigsConfig) if config else RigsConfig())

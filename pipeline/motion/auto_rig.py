@@ -17,7 +17,7 @@ from motionlake.motion.clip import Hierarchy, SolvedMotion, SourceClip
 from motionlake.motion.kinematics import with_end_sites
 from motionlake.motion.rig_evidence import confidence, evidence_of, side_confidence
 from motionlake.motion.rig_solver import solve_rig
-from motionlake.motion.rigs import RigMap, bare_names, identify, joints_by_name, parse_rig
+from motionlake.motion.rigs import RigMap, bare_names, identify, joints_by_name, parse_rig, placeable
 from motionlake.motion.rigs_config import RigsConfig
 from motionlake.motion.skeleton import chained
 from motionlake.motion.starter import LIMB_WORDS, guess_joints, name_sides, starter_map
@@ -83,7 +83,9 @@ def find_rig(
         ClipError: no map fits, and the tree leaves in doubt what is what; the reason says both.
     """
     try:
-        return identify(clip.hierarchy.joints, rigs, name), None
+        return identify(
+            clip.hierarchy.joints, rigs if name is not None else placeable(clip.hierarchy, rigs), name
+        ), None
     except ClipError as unknown:
         match = match_rig(clip.hierarchy, motion, config)
         if match.doubt:

@@ -113,7 +113,7 @@ class RigTree:
         bones = []
         for i in range(len(real) - 2):
             split = self._is_split(limb, real[i + 1 : i + 4])
-            places = last[real[i]], last[real[i + 1]], last[real[i + 3 if split else i + 2]]
+            places = last[real[i]], last[real[i + 1]], self._end(limb, real[i + 3 if split else i + 2], last)
             shares = tuple(float(lengths[one + 1 : other + 1].sum()) for one, other in pairwise(places))
             bones.append(((shares[0], shares[1]), places, split))
         # A long collar bone is followed by longer ones; a long hand of two bones looks like a split lower arm.
@@ -123,6 +123,11 @@ class RigTree:
             for shares, places, split in reversed(bones)
             if min(shares) >= (longest if split else _NEARLY * longest)
         )
+
+    def _end(self, limb: tuple[int, ...], place: int, last: Mapping[int, int]) -> int:
+        """Which of joints in one place ends a limb: the first from which fingers part, as they do from a wrist."""
+        together = range(place, last[place] + 1)
+        return next((at for at in together if len(self.children[limb[at]]) > 1), last[place])
 
     def halves(self, limb: tuple[int, ...], real: list[int]) -> set[int]:
         """Places in a limb at which it never bends."""

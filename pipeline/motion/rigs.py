@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from motionlake.errors import ClipError, UserError
+from motionlake.motion.clip import Hierarchy
 from motionlake.motion.skeleton import JOINTS, TWIST_AXES
 
 UP_AXES: Final = ("x", "y", "z", "-x", "-y", "-z")
@@ -247,6 +248,26 @@ def identify(joint_names: Sequence[str], rigs: Mapping[str, RigMap], name: str |
         f"unknown rig: the closest known one is {closest.name}, but the file lacks its joints {listed}; "
         "`motionlake rig FILE` prints a rig map to edit"
     )
+
+
+def placeable(hierarchy: Hierarchy, rigs: Mapping[str, RigMap]) -> dict[str, RigMap]:
+    """The maps, by name, whose filled joints a file has room for: each `end_site` is there, or the joint itself is.
+
+    A body whose foot goes on in a joint of another name has no end site there, and is of another rig.
+    """
+    present = joints_by_name(hierarchy.joints)
+    ended = {joint for joint, _ in hierarchy.end_sites}
+
+    def is_placed(rig: RigMap, joint: str, rule: Fill) -> bool:
+        if rule.end_site is None or rig.joints.get(joint, "").casefold() in present:
+            return True
+        return present.get(rule.end_site.casefold()) in ended
+
+    return {
+        name: rig
+        for name, rig in rigs.items()
+        if all(is_placed(rig, joint, rule) for joint, rule in rig.filled.items())
+    }
 
 
 def _unexplained(rig: RigMap, present: Mapping[str, int]) -> int:

@@ -13,14 +13,19 @@ from motionlake.motion.skeleton import INDEX, chained
 
 # Share of the frames in which the head must be above the feet along one axis.
 _SHARE: Final = 0.8
+# Shares of the body's height: how far above and below the ground feet are that stand on it, how far below it no body
+# lies, and how far above it none does.
+_ANKLES: Final = (-0.05, 0.2)
+_LYING: Final = (-0.02, 0.2)
 
 
 def up_of_file(binding: Binding, motion: SolvedMotion) -> str | None:
     """The up axis of a file, where a person stands along it in the zero pose and in most frames as well.
 
     One of the two is not enough: people lie, and the root may turn a zero pose that lies. A body that stands along no
-    axis in most frames must lie flat where the axis that the zero pose stands along is up. None too where the rig's
-    zero pose is no standing human.
+    axis in most frames must lie flat where the axis that the zero pose stands along is up. One that stands along
+    another than that in most frames stands, if its feet are on the ground there and it would lie below the ground or
+    above it here. None too where the rig's zero pose is no standing human.
     """
     top = binding.source.get(INDEX["head"], binding.source.get(INDEX["neck"]))
     feet = [binding.source[INDEX[foot]] for foot in ("left_ankle", "right_ankle") if INDEX[foot] in binding.source]
@@ -31,7 +36,24 @@ def up_of_file(binding: Binding, motion: SolvedMotion) -> str | None:
     moving, resting = (up_of_body(at[:, top], np.asarray(at[:, feet].mean(axis=1))) for at in (motion.positions, rest))
     if moving is None and resting is not None and _is_flat(motion.positions, resting):
         return resting
-    return moving if moving == resting else None
+    if moving is None or moving == resting or resting is None:
+        return moving if moving == resting else None
+    here, there = (_along(motion.positions, axis) for axis in (resting, moving))
+    height = float(np.ptp(_along(rest, resting)))
+    on_ground = _share_between(there[:, feet].mean(axis=1), _ANKLES, height)
+    lying = _share_between(here.min(axis=1), _LYING, height)
+    return moving if on_ground >= _SHARE and lying <= 1 - _SHARE else None
+
+
+def _along(positions: Float64Array, axis: str) -> Float64Array:
+    """[F, J] how high joints [F, J, 3] are where an axis is up."""
+    return np.asarray(positions[..., "xyz".index(axis[-1])] * (-1 if axis[0] == "-" else 1), np.float64)
+
+
+def _share_between(values: Float64Array, bounds: tuple[float, float], height: float) -> float:
+    """The share of values [F] that lie between bounds, which are shares of a height."""
+    low, high = bounds
+    return float(((values >= low * height) & (values <= high * height)).mean())
 
 
 def _is_flat(positions: Float64Array, up: str) -> bool:
