@@ -8,11 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from motionlake.arrays import Float32Array
 from motionlake.pesta.autoencoder import AutoencoderRecipe, recipe_of
 from motionlake.pesta.autoencoder_training import held_out, train_autoencoder
-from motionlake.pesta.clustering import grid, kmeans, self_organising_map, whitened
-from motionlake.pesta.config import DICTIONARY_KEY, KINDS, DictionaryKind, PosturesConfig
+from motionlake.pesta.clustering import grid, kmeans, moved_by_rank, neural_gas, self_organising_map, whitened
+from motionlake.pesta.config import CLUSTERED, DICTIONARY_KEY, KINDS, DictionaryKind, PosturesConfig
 from motionlake.pesta.dictionary import PostureDictionary, load_dictionary
 from motionlake.pesta.dictionary_fitting import fit_dictionary, sample_postures
 from motionlake.pesta.occupancy import IN_USE, line, scatter, use_of
@@ -75,7 +77,7 @@ def test_every_kind_codes_postures_and_is_kept(kind: DictionaryKind, tmp_path: P
         dictionary.encode(np.zeros((5, 3), dtype=np.float32))
 
 
-@pytest.mark.parametrize("kind", ["kmeans", "som"])
+@pytest.mark.parametrize("kind", CLUSTERED)
 @pytest.mark.parametrize("is_whitened", [True, False])
 def test_a_symbol_is_the_nearest_code(kind: DictionaryKind, is_whitened: bool) -> None:
     dictionary, features = fitted(kind, whitened=is_whitened), clips(2)[0]
@@ -85,18 +87,19 @@ def test_a_symbol_is_the_nearest_code(kind: DictionaryKind, is_whitened: bool) -
     np.testing.assert_array_equal(dictionary.encode(features), naive)
 
 
-def test_a_dictionary_is_the_same_for_any_number_of_threads() -> None:
+@pytest.mark.parametrize("kind", ["kmeans", "neural_gas"])
+def test_a_dictionary_is_the_same_for_any_number_of_threads(kind: DictionaryKind) -> None:
     rng = np.random.default_rng(3)
     features = [rng.normal(size=(400, 66)).astype(np.float32) for _ in range(12)]
 
     def codes(threads: int) -> bytes:
         with threadpool_limits(limits=threads):
-            return fit_dictionary(features, PosturesConfig(dictionary="kmeans", m=20)).codes.tobytes()
+            return fit_dictionary(features, PosturesConfig(dictionary=kind, m=20)).codes.tobytes()
 
     assert codes(1) == codes(2) == codes(4)
 
 
-@pytest.mark.parametrize("kind", ["kmeans", "som", "information"])
+@pytest.mark.parametrize("kind", [*CLUSTERED, "information"])
 def test_postures_of_one_place_share_their_symbols(kind: DictionaryKind) -> None:
     dictionary, first = fitted(kind, replace(QUICK, steps=600, learning_rate=3e-3)), clips()[0]
     symbols = dictionary.encode(first).reshape(4, 30)
@@ -112,6 +115,42 @@ def test_soft_heads_are_weighted_means() -> None:
     near /= near.sum(axis=1)[:, None]
     for head, weights in zip(soft, near.T, strict=True):
         np.testing.assert_allclose(head, np.average(points, axis=0, weights=weights), atol=1e-5)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 2**31), width=st.floats(0.05, 12.0))
+def test_neural_gas_weighs_points_by_the_rank_of_heads(seed: int, width: float) -> None:
+    rng = np.random.default_rng(seed)
+    points, heads = (rng.normal(size=(count, 3)).astype(np.float32) for count in (60, 9))
+    weights = np.zeros((len(points), len(heads)))
+    for row, point in zip(weights, points, strict=True):
+        order = sorted(range(len(heads)), key=lambda i: float(np.linalg.norm(point - heads[i])))
+        for rank, head in enumerate(order):
+            row[head] = np.exp(-rank / width) if rank <= np.ceil(6 * width) else 0.0
+    naive = np.array(
+        [np.average(points, axis=0, weights=w) if w.sum() > 1e-9 else h for w, h in zip(weights.T, heads, strict=True)]
+    )
+    np.testing.assert_allclose(moved_by_rank(points, heads, width), naive, atol=1e-4)
+
+
+def test_neural_gas_uses_every_head_and_leans_as_far_as_it_is_soft() -> None:
+    """Points in two places far apart: a map has nodes between them that no point is near."""
+    rng = np.random.default_rng(1)
+    points = np.concatenate([rng.normal(size=(900, 6)) * 0.1, 20 + rng.normal(size=(300, 6))]).astype(np.float32)
+    hard, soft, softer = (neural_gas(points, 60, softness, seed=0) for softness in (0.0, 1.0, 2.0))
+
+    def used(heads: Float32Array) -> int:
+        return len(set(np.linalg.norm(points[:, None] - heads[None], axis=2).argmin(axis=1).tolist()))
+
+    def spread(heads: Float32Array) -> float:
+        return float(heads[heads[:, 0] < 10].std())
+
+    assert used(soft) == used(softer) == 60
+    assert used(self_organising_map(points, 6, 10, seed=0)) < 57 <= used(hard)
+    np.testing.assert_allclose(hard, moved_by_rank(points, hard, 1e-3), atol=0.05)  # centroids, as k-means has them
+    assert spread(hard) > spread(soft) > spread(softer)
+    np.testing.assert_array_equal(soft, neural_gas(points, 60, 1.0, seed=0))
+    assert not np.array_equal(soft, neural_gas(points, 60, 1.0, seed=1))
 
 
 def test_training_repeats_and_resumes_to_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

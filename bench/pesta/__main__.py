@@ -19,7 +19,7 @@ from motionlake.pesta.autoencoder import AutoencoderRecipe
 
 from bench.pesta import ablations, draws, elasticity, gaps, ranges, recipes, robustness, sub_queries, threshold, whole
 from bench.pesta.dictionaries import OWN
-from bench.pesta.measuring import with_seeds
+from bench.pesta.measuring import MAIN, with_seeds
 from bench.pesta.sets import hash_sets
 from bench.record import record
 from bench.units import SEEDS, Found, in_processes, table, unit_options
@@ -98,7 +98,7 @@ def _draw(folder: Path, rows: Mapping[str, Found]) -> None:
     by_rate: dict[str, dict[float, list[float]]] = {}
     for name, row in rows.items():
         method, _, rate = name.rpartition(", rate ")
-        if method.startswith(f"{whole.MAIN} +") and ", " not in method:
+        if method.startswith(f"{MAIN} +") and ", " not in method:
             by_rate.setdefault(method, {})[float(rate)] = [run["map"] for run in row["seeds"].values()]
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "robustness.png").write_bytes(png(robustness_figure(by_rate, note=f"{robustness.SET}, all seeds")))
@@ -124,7 +124,7 @@ def measure_ablations(given: argparse.Namespace, recipe: Recipe) -> Measured:
 
 
 def measure_recipes(given: argparse.Namespace, recipe: Recipe) -> Measured:
-    runs = _gathered(recipes.measure, recipes.units(recipe), given, lambda unit: unit.set_name)
+    runs = _gathered(recipes.measure, recipes.units(given.chosen, recipe), given, lambda unit: unit.set_name)
     result = {name: with_seeds(rows) for name, rows in runs.items()}
     for name, rows in result.items():
         print(f"\n{table(name, rows, recipes.SCORES)}")

@@ -1,6 +1,6 @@
 """How far chance moves Table 4, and what might raise it: the default dictionary of many seeds, and variants of it.
 
-"default" is measured with `DRAWS` times as many seeds as the variants, since k-means begins anew with each: two
+"default" is measured with `DRAWS` times as many seeds as the variants, since training begins anew with each: two
 dictionaries of one kind differ by as much as two kinds. A variant has one thing other than the default. Whole clips of
 other sets are beside cmu_exercises (MAP of strided alignment, w of the variant, greater of both ways), for what is
 chosen is chosen on those.

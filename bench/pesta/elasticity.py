@@ -1,6 +1,6 @@
 """Sizes of the dictionary (section 8.5.1, Table 6) on hdm05: precision, time a query, length of the repository.
 
-The default dictionary, and k-means of the features. Time is that of the 20 nearest clips of a whole clip, both
+The default dictionary, and k-means. Time is that of the 20 nearest clips of a whole clip, both
 ways, on one thread: the mean over all clips of the set, of which the median of some rounds.
 """
 
@@ -15,9 +15,9 @@ from motionlake.pesta.autoencoder import AutoencoderRecipe
 from motionlake.pesta.strings import Repository, SymbolDistances
 
 from bench.pesta.dictionaries import Spec, Unit, fitted, strings_of
-from bench.pesta.measuring import STA3, whole_scores
+from bench.pesta.measuring import MAIN, STA3, whole_scores
 from bench.pesta.sets import labels_of
-from bench.pesta.whole import MAIN, specs
+from bench.pesta.whole import specs
 from bench.units import Found
 
 SET: Final = "hdm05"
@@ -26,7 +26,7 @@ SCORES: Final = ("map", "p_at_5", "milliseconds", "symbols", "occupied")
 
 
 def units(seeds: Sequence[int], recipe: AutoencoderRecipe | None) -> list[Unit]:
-    chosen = {name: spec for name, spec in specs(recipe).items() if name in (MAIN, "k-means of features")}
+    chosen = {name: spec for name, spec in specs(recipe).items() if name in (MAIN, "k-means")}
     return [
         Unit(name, sized(spec, m).seeded(seed), seed) for name, spec in chosen.items() for m in SIZES for seed in seeds
     ]

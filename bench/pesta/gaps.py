@@ -25,10 +25,10 @@ from motionlake.pesta.nearest import Both
 from motionlake.pesta.strings import Repository, SymbolDistances
 
 from bench.pesta.dictionaries import fitted
-from bench.pesta.measuring import GAPS2, GAPS3, STA2, STA3, score_distances, whole_scores
+from bench.pesta.measuring import GAPS2, GAPS3, MAIN, STA2, STA3, score_distances, whole_scores
 from bench.pesta.robustness import replaced_strings
 from bench.pesta.sets import labels_of
-from bench.pesta.whole import DTW, MAIN, SW, specs
+from bench.pesta.whole import DTW, SW, specs
 from bench.units import Found
 
 CHOSEN_ON: Final = "hdm05"

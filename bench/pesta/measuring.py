@@ -18,6 +18,7 @@ from bench.units import Found
 
 Scores = dict[str, float]
 
+MAIN: Final = "neural gas"  # the default dictionary
 STA3: Final = AlignmentConfig("sta", 3)
 STA2: Final = AlignmentConfig("sta", 2)
 GAPS3: Final = AlignmentConfig("sta", 3, gaps=True)
@@ -45,4 +46,4 @@ def score_distances(distances: FloatArray, labels: Sequence[str]) -> Found:
 
 def with_seeds(rows: Mapping[str, Mapping[int, Found]]) -> dict[str, Found]:
     """What is kept of seeds; what is drawn only of the main rows of the default dictionary."""
-    return units.with_seeds(rows, lambda name: name.startswith("k-means +") and ", " not in name)
+    return units.with_seeds(rows, lambda name: name.startswith(f"{MAIN} +") and ", " not in name)

@@ -1,4 +1,6 @@
-"""Every recipe of a dictionary beside the others, at three sizes, on four sets, seed 0: which one is the default?
+"""Every recipe of a dictionary beside the others, at three sizes, on four sets: which one is the default?
+
+Autoencoders have seed 0 alone.
 
 - `occupied`, `perplexity`: symbols in use, of the set's own postures; `scatter`: the share of the variance of these
   that lies within symbols.
@@ -20,12 +22,13 @@ from typing import Any, Final
 
 import numpy as np
 from motionlake.pesta.autoencoder import AutoencoderRecipe
+from motionlake.pesta.config import CLUSTERED
 from motionlake.pesta.occupancy import scatter, use_of
 from scipy.spatial.distance import cdist
 
 from bench.pesta.dictionaries import OWN, Spec, codes_of, fitted, strings_of
 from bench.pesta.elasticity import sized
-from bench.pesta.measuring import STA3, score_distances, whole_scores
+from bench.pesta.measuring import MAIN, STA3, score_distances, whole_scores
 from bench.pesta.sets import labels_of, postures_of
 from bench.units import Found
 
@@ -43,9 +46,10 @@ class Unit:
     set_name: str
     recipe: str
     spec: Spec
+    seed: int
 
     def __str__(self) -> str:
-        return f"{self.set_name}, {self.recipe}, m = {self.spec.config.m}"
+        return f"{self.set_name}, {self.recipe}, m = {self.spec.config.m}, seed {self.seed}"
 
 
 def recipes(shrunk: AutoencoderRecipe | None) -> dict[str, Spec]:
@@ -53,19 +57,27 @@ def recipes(shrunk: AutoencoderRecipe | None) -> dict[str, Spec]:
     paper = replace(AutoencoderRecipe.pesta(), epochs=0, steps=PAPER_STEPS, every=20)
     if shrunk:
         paper = replace(paper, hidden=shrunk.hidden, steps=shrunk.steps)
+    centroids = replace(OWN, dictionary="kmeans")
     return {
-        "k-means": Spec(OWN),
-        "k-means, hard": Spec(replace(OWN, softness=0.0)),
-        "k-means of features": Spec(replace(OWN, whitened=False, softness=0.0)),
+        MAIN: Spec(OWN),
+        "neural gas, softness 2": Spec(replace(OWN, softness=2.0)),
+        "k-means": Spec(centroids),
+        "k-means, hard": Spec(replace(centroids, softness=0.0)),
+        "k-means of features": Spec(replace(centroids, whitened=False, softness=0.0)),
         "self-organising map": Spec(replace(OWN, dictionary="som")),
         "information": Spec(replace(OWN, dictionary="information"), shrunk),
         "adversarial": Spec(replace(OWN, dictionary="adversarial"), paper),
     }
 
 
-def units(shrunk: AutoencoderRecipe | None) -> list[Unit]:
-    made = recipes(shrunk)
-    return [Unit(s, name, sized(spec, m)) for m in SIZES for name, spec in made.items() for s in SETS]
+def units(seeds: Sequence[int], shrunk: AutoencoderRecipe | None) -> list[Unit]:
+    return [
+        Unit(s, name, sized(spec, m).seeded(seed), seed)
+        for m in SIZES
+        for name, spec in recipes(shrunk).items()
+        for s in SETS
+        for seed in (seeds if spec.config.dictionary in CLUSTERED else seeds[:1])
+    ]
 
 
 def measure(unit: Unit) -> dict[str, Found]:

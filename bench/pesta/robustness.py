@@ -19,13 +19,13 @@ from motionlake.pesta.symbols import SymbolString
 
 from bench.canonical_sets import features
 from bench.pesta.dictionaries import Spec, Unit, fitted, string
-from bench.pesta.measuring import GAPS2, GAPS3, STA2, STA3, whole_scores
+from bench.pesta.measuring import GAPS2, GAPS3, MAIN, STA2, STA3, whole_scores
 from bench.pesta.sets import clips_of, labels_of
-from bench.pesta.whole import DTW, MAIN, SW, specs
+from bench.pesta.whole import DTW, SW, specs
 from bench.units import Found
 
 SET: Final = "hdm05"
-DICTIONARIES: Final = (MAIN, "k-means of features", "SOM")
+DICTIONARIES: Final = (MAIN, "k-means", "SOM")
 ALIGNMENTS: Final[dict[str, tuple[AlignmentConfig, Both]]] = {
     "STA w = 3": (STA3, "max"),
     "STA w = 2": (STA2, "max"),

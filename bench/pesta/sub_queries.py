@@ -27,9 +27,9 @@ from motionlake.pesta.config import AlignmentConfig
 from motionlake.pesta.strings import Distances
 
 from bench.pesta.dictionaries import Unit, codes_of, fitted, pretrained, strings_of
-from bench.pesta.measuring import STA2
+from bench.pesta.measuring import MAIN, STA2
 from bench.pesta.sets import segments_of
-from bench.pesta.whole import MAIN, READY, specs
+from bench.pesta.whole import READY, specs
 from bench.pesta.windows import SAME, score_windows
 from bench.record import interleave
 from bench.units import Found

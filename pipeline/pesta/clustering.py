@@ -1,4 +1,4 @@
-"""Clusters of postures: k-means with soft heads, and self-organising maps, in a space that clips' neighbours whiten."""
+"""Clusters of postures: k-means with soft heads, neural gas and self-organising maps, where neighbours whiten space."""
 
 from __future__ import annotations
 
@@ -11,7 +11,13 @@ from motionlake.deep_motifs.words.linear import LinearConfig, linear_embedding
 
 WHITENED: Final = LinearConfig(components=24, whitening=0.0, neighbours=5)
 SOM_EPOCHS: Final = 30
+GAS_EPOCHS: Final = 30
 ROWS: Final = 4096
+# Neural gas: ranks beyond so many widths count for nothing; above so many ranks of width a share of the points tells
+# where heads go.
+_REACH: Final = 6
+_WIDE: Final = 4.0
+_SHARE: Final = 4
 
 
 def whitened(postures: Float32Array, clips: Int64Array, seed: int, config: LinearConfig = WHITENED) -> Float32Array:
@@ -47,6 +53,50 @@ def kmeans(points: Float32Array, m: int, softness: float, seed: int) -> Float32A
         sums += near.T @ part
         weights += near.sum(axis=0)[:, None]
     return np.asarray(sums / weights, dtype=np.float32)
+
+
+def neural_gas(points: Float32Array, m: int, softness: float, seed: int) -> Float32Array:
+    """[m, d] heads of points [n, d], by neural gas trained in batches [Martinetz and Schulten 1991, Cottrell 2006].
+
+    Each epoch every head becomes the mean of all points, weighted by exp(-rank / width): its rank is 0 for points that
+    it is the nearest head of, 1 where it is the second nearest, and so on. The width falls from a tenth of the heads
+    to `softness`. Heads lean to their neighbours, and lie where points are: hardly one is nobody's nearest, as nodes of
+    a self-organising map between far places are.
+
+    Args:
+        points: n of them, m at least.
+        m: number of heads.
+        softness: the last width, in ranks; with 0 the heads are the centroids of their own points.
+        seed: of the points that heads begin at.
+    """
+    rng = np.random.default_rng(seed)
+    heads = points[np.sort(rng.choice(len(points), m, replace=False))].astype(np.float32)
+    last = max(softness, 1e-3)
+    first = max(m / 10, last)
+    for epoch in range(GAS_EPOCHS):
+        width = first * (last / first) ** (epoch / (GAS_EPOCHS - 1))
+        some = points[epoch % _SHARE :: _SHARE] if width > _WIDE and len(points) >= _SHARE * ROWS else points
+        heads = moved_by_rank(some, heads, width)
+    return heads
+
+
+def moved_by_rank(points: Float32Array, heads: Float32Array, width: float) -> Float32Array:
+    """[m, d] heads after one epoch of neural gas; one that no point reaches stays where it is."""
+    count = min(len(heads), int(np.ceil(_REACH * width)) + 1)
+    weights = np.exp(-np.arange(count) / width).astype(np.float32)
+    norms = np.square(heads).sum(axis=1) / 2
+    sums, reached = np.zeros(heads.shape), np.zeros(len(heads))
+    for part in np.split(points, range(ROWS, len(points), ROWS)):
+        apart = norms - part @ heads.T
+        nearest = np.argpartition(apart, count - 1, axis=1)[:, :count]
+        order = np.argsort(np.take_along_axis(apart, nearest, axis=1), axis=1, kind="stable")
+        shares = np.zeros(apart.shape, np.float32)
+        ranked = np.take_along_axis(nearest, order, axis=1)
+        np.put_along_axis(shares, ranked, np.broadcast_to(weights, ranked.shape), axis=1)
+        sums += shares.T @ part
+        reached += shares.sum(axis=0)
+    means = sums / np.maximum(reached, 1e-12)[:, None]
+    return np.where(reached[:, None] > 1e-9, means, heads).astype(np.float32)
 
 
 def grid(m: int) -> tuple[int, int]:

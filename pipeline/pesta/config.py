@@ -82,8 +82,9 @@ class AlignmentConfig:
 
 _OF_GAPS: Final = ("gaps", "clip_gap", "query_gap")
 DEFAULT_ALIGNMENT: Final = AlignmentConfig()
-DictionaryKind = Literal["kmeans", "som", "information", "adversarial"]
+DictionaryKind = Literal["neural_gas", "kmeans", "som", "information", "adversarial"]
 KINDS: Final[tuple[DictionaryKind, ...]] = get_args(DictionaryKind)
+CLUSTERED: Final[tuple[DictionaryKind, ...]] = ("neural_gas", "kmeans", "som")  # the others are networks
 ENOUGH: Final = 5
 DICTIONARY_KEY: Final = "posture_dictionary"  # of the metadata of a dictionary's file
 
@@ -93,17 +94,18 @@ class PosturesConfig:
     """What a posture is, and which dictionary turns it into a symbol.
 
     Attributes:
-        dictionary: "kmeans", "som" (self-organising map), or a clustering autoencoder whose classes are shaped by
-            mutual information ("information") or by a critic, as the paper does ("adversarial").
+        dictionary: "neural_gas", "kmeans", "som" (self-organising map), or a clustering autoencoder whose classes are
+            shaped by mutual information ("information") or by a critic, as the paper does ("adversarial").
         m: number of symbols.
         seed: of training.
         weights: what a lake without a dictionary starts with: "pretrained" takes the pretrained one where it fits this
             configuration, "own" trains on the lake's clips, "auto" (default) does so where they hold enough postures,
             `ENOUGH` for each symbol, since a dictionary of the clips' own retrieves much better (`docs/postures.md`).
         max_postures: size of the sample of postures that a dictionary is trained on.
-        whitened: "kmeans" and "som" alone: clusters are looked for where postures differ as little from those of other
+        whitened: `CLUSTERED` alone: clusters are looked for where postures differ as little from those of other
             clips in every direction, and not in the space of the features.
-        softness: "kmeans" alone: how far the heads of neighbouring clusters lean to each other; 0: not at all.
+        softness: "neural_gas" and "kmeans" alone: how far the heads of neighbouring clusters lean to each other, in
+            ranks of heads or in mean square distances of postures from their heads; 0: not at all.
         representation: "positions" of joints seen from the body, or "rotations" (the paper's quaternions).
         fps: postures a second: a quarter of 120.
         root_weight: "positions" only: weight of the root's velocity and yaw rate in a posture; 0 leaves them out.
@@ -114,7 +116,7 @@ class PosturesConfig:
         ValueError: an unknown name, or a value out of range.
     """
 
-    dictionary: DictionaryKind = "kmeans"
+    dictionary: DictionaryKind = "neural_gas"
     m: int = 400
     seed: int = 0
     weights: str = "auto"
@@ -169,7 +171,7 @@ def _same_postures(about: Mapping[str, Any], config: PosturesConfig) -> bool:
 
 
 PRETRAINED_POSTURES: Final = Pretrained(
-    Path(__file__).parent / "weights" / "postures-kmeans.safetensors", _same_postures
+    Path(__file__).parent / "weights" / "postures-neural-gas.safetensors", _same_postures
 )
 
 

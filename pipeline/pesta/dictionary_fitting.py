@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from motionlake.arrays import Float32Array, Int64Array, Progress
 from motionlake.deep_motifs.motifs import Motifs, assign
-from motionlake.pesta.clustering import grid, kmeans, self_organising_map, whitened
-from motionlake.pesta.config import PosturesConfig
+from motionlake.pesta.clustering import grid, kmeans, neural_gas, self_organising_map, whitened
+from motionlake.pesta.config import CLUSTERED, PosturesConfig
 from motionlake.pesta.dictionary import NearestCode, PostureDictionary
 from motionlake.pesta.occupancy import mean_postures, scatter, use_of
 from motionlake.threads import limited
@@ -59,7 +59,7 @@ def fit_dictionary(
     if len(postures) < config.m:
         raise ValueError(f"{len(postures)} postures are too few for {config.m} symbols")
     with limited(1):  # sums of several threads differ in their last digits
-        if config.dictionary in ("kmeans", "som"):
+        if config.dictionary in CLUSTERED:
             made = _clustered(postures, clips, config)
         else:
             from motionlake.pesta.autoencoder import recipe_of
@@ -78,7 +78,9 @@ def fit_dictionary(
 def _clustered(postures: Float32Array, clips: Int64Array, config: PosturesConfig) -> PostureDictionary:
     start = whitened(postures, clips, config.seed) if config.whitened else None
     points = postures if start is None else postures @ start.T
-    if config.dictionary == "kmeans":
+    if config.dictionary == "neural_gas":
+        codes = neural_gas(points, config.m, config.softness, config.seed)
+    elif config.dictionary == "kmeans":
         codes = kmeans(points, config.m, config.softness, config.seed)
     else:
         codes = self_organising_map(points, *grid(config.m), config.seed)

@@ -36,9 +36,9 @@ class PostureDictionaryKind(ModelKind[list[Float32Array]]):
     command = "postures"
     help = """Train the posture dictionary that config.toml names; `motionlake run all` then codes with it.
 
-    [postures] in config.toml says which dictionary ("kmeans", "som", or the autoencoders "information" and
-    "adversarial"), how many symbols, and from which seed. An autoencoder's training that was interrupted goes on where
-    it stopped.
+    [postures] in config.toml says which dictionary ("neural_gas", "kmeans", "som", or the autoencoders "information"
+    and "adversarial"), how many symbols, and from which seed. An autoencoder's training that was interrupted goes on
+    where it stopped.
 
     Example: motionlake train postures --lake mylake
     """
