@@ -183,6 +183,7 @@ class Lake:
         method: str = "fused",
         text: str | None = None,
         encoder: str | Encoder | None = None,
+        exact: bool = False,
         **scope: Unpack[ScopeOptions],
     ) -> Hits:
         """The clips most like one, or those that say what is asked for, nearest first.
@@ -209,6 +210,7 @@ class Lake:
             text: what labels, descriptions, segments or names of clips should say; beside a clip, both count the same.
             encoder: compare meanings of texts as well: a function that gives n texts [n, d] numbers, or the name of one
                 that an installed package brings.
+            exact: compare every clip, where the method would choose some (of a large lake, minutes).
             scope: `dataset`: from its clips only; `split`: from clips of this split only; `recorded_only`: synthetic
                 clips are no answers; `min_quality`: the worst verdict of stage "quality" that an answer may have ("ok",
                 "doubtful"); `mirrored`: search for the mirror image too, the nearer of both counts; `own`: the
@@ -220,7 +222,9 @@ class Lake:
         if text is None:
             if query is None:
                 raise UserError("search: name a clip or a clip file, or give a text")
-            return self._search("clip", method, (query, start, stop), k, scope)
+            return self._search("clip", method, (query, start, stop), k, scope, **self._exactly("clip", method, exact))
+        if exact:
+            raise UserError("exact: is for a clip without a text")
         return self._search_text(text, encoder, None if query is None else (query, start, stop), k, method, scope)
 
     def find(
@@ -231,6 +235,7 @@ class Lake:
         k: int = 10,
         *,
         method: str = "fused",
+        exact: bool = False,
         **scope: Unpack[ScopeOptions],
     ) -> Hits:
         """Where a motion occurs inside the clips: ranges of frames, nearest first.
@@ -248,12 +253,13 @@ class Lake:
             method: "fused" (words and moves together), "words" (histograms of motion words; Deep Motifs, section
                 6.1), "alignment" (see `align`), "moves" (how joints move) or
                 "submotion" (a network that says which clips hold the motion; DeepHuMS, section 3.3.5).
+            exact: look into every clip, where the method would choose some.
             scope: as of `search`; `own`: ranges that overlap the query in its own clip may be answers.
 
         Raises:
             UserError: as `search`; the query has no such frames, or too few.
         """
-        return self._search("range", method, (query, start, stop), k, scope)
+        return self._search("range", method, (query, start, stop), k, scope, **self._exactly("range", method, exact))
 
     def suggest_labels(self, dataset: str | None = None, column: str = "label", min_quality: str | None = None) -> Rows:
         """Labels for the clips that have none: those of the labelled clips most like them, the surest first.
@@ -581,6 +587,14 @@ class Lake:
         query = Query(self._query(part[0]), *part[1:])
         found = self._searcher(finds, method, **how).search([query], k, Scope(**scope))[0]
         return self._hits((hit.as_row() for hit in found), (query.source, *part[1:]))
+
+    @staticmethod
+    def _exactly(finds: Finds, method: str, exact: bool) -> dict[str, bool]:
+        """The option of a searcher that compares every clip; none where it is not asked for."""
+        from motionlake.retrieval.registry import check_exact
+
+        check_exact(finds, method, "exact", exact=exact)
+        return {"exact": True} if exact else {}
 
     def _windows(self, part: ClipRange, window: int, k: int, scope: ScopeOptions, /, **how: Any) -> Hits:
         from motionlake.retrieval.protocol import Query, Scope

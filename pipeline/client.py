@@ -53,7 +53,8 @@ class RemoteLake(Lake):
         return motion_of(from_table(facts["clip"], table), facts)
 
     def search(self, query: Clip | None = None, k: int = 10, **how: Any) -> Hits:
-        """As `Lake.search`, without an encoder."""
+        """As `Lake.search`, without an encoder, and among the clips that a method chooses."""
+        self._check_chosen(how.pop("exact", False))
         return self._found("search", query, {"k": k, **how})
 
     def find(
@@ -64,9 +65,11 @@ class RemoteLake(Lake):
         k: int = 10,
         *,
         method: str = "fused",
+        exact: bool = False,
         **scope: Unpack[ScopeOptions],
     ) -> Hits:
-        """As `Lake.find`."""
+        """As `Lake.find`, in the clips that a method chooses."""
+        self._check_chosen(exact)
         return self._found("find", query, {"start": start, "stop": stop, "k": k, "method": method, **scope})
 
     def align(self, query: Clip, start: int | None = None, stop: int | None = None, k: int = 10, **how: Any) -> Hits:
@@ -97,6 +100,10 @@ class RemoteLake(Lake):
     @property
     def _lake(self) -> Any:  # type: ignore[override]
         return self._con
+
+    def _check_chosen(self, exact: bool) -> None:
+        if exact:
+            raise UserError("exact: a service compares the clips that a method chooses; open the folder of the lake")
 
     def _found(self, method: str, query: Clip | None, arguments: Mapping[str, Any]) -> Hits:
         from motionlake.pictures.answers import Hits

@@ -86,6 +86,12 @@ def test_every_method_has_an_example() -> None:
         ("search", {"k": 3}, ["search", WALK, "-k", "3"]),
         ("search", {"method": "alignment"}, ["search", WALK, "--method", "alignment"]),
         ("search", {"mirrored": True, "dataset": "clips"}, ["search", WALK, "--mirrored", "--dataset", "clips"]),
+        ("search", {"exact": True, "method": "moves"}, ["search", WALK, "--exact", "--method", "moves"]),
+        (
+            "find",
+            {"method": "moves", "stop": 40, "exact": True},
+            ["find", WALK, "--method", "moves", "--to", "40", "--exact"],
+        ),
         ("find", {"start": 5, "stop": 40, "own": True}, ["find", WALK, "--from", "5", "--to", "40", "--own"]),
         ("find", {"method": "submotion", "stop": 30}, ["find", WALK, "--method", "submotion", "--to", "30"]),
         ("align", {"stop": 40, "path": True}, ["align", WALK, "--to", "40", "--path"]),
@@ -155,6 +161,8 @@ def test_mistakes_are_said_in_one_line(lake: motionlake.Lake) -> None:
         "not one of": lambda: lake.search("humanoid3d_walk", method="luck"),
         "not one of fused, words": lambda: lake.find("humanoid3d_walk", method="luck"),
         "knows no such class": lambda: lake.synthesize("moonwalk"),
+        "exact: is for --method alignment, sub": lambda: lake.find("humanoid3d_walk", method="words", exact=True),
+        "exact: is for a clip without a text": lambda: lake.search("humanoid3d_walk", text="kick", exact=True),
         "not a range": lambda: lake.find("humanoid3d_walk", 5, 5000),
     }
     for pattern, mistake in mistakes.items():

@@ -79,6 +79,9 @@ def test_searches_are_the_same(both: tuple[library.Lake, library.Lake], clips_fo
     assert list(far.align(clip, k=3, whole=True)) == list(near.align(clip, k=3, whole=True))
     file = clips_folder / clip.split("/", 1)[1]
     assert [hit["clip"] for hit in far.search(file, 3)] == [hit["clip"] for hit in near.search(file, 3)]
+    for far_search in (far.search, far.find):
+        with pytest.raises(UserError, match=r"^exact: .* open the folder of the lake$"):
+            far_search(clip, method="moves", exact=True)
 
 
 def test_a_notebook_shows_the_same(both: tuple[library.Lake, library.Lake]) -> None:

@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
+import motionlake as library
 import numpy as np
 import pyarrow as pa
 import pytest
@@ -457,6 +458,13 @@ def test_one_method_alone(large: Path, clips_folder: Path, method: str, monkeypa
     for scope in (Scope(), Scope(own=True), Scope(split="train"), Scope(recorded_only=True), Scope("none")):
         for each in asked:
             assert_as_near(by.search([each], 5, scope)[0], exact.search([each], 1000, scope)[0], 5)
+    with few(), library.open_lake(large) as opened, monkeypatch.context() as patch:
+        patch.setattr(ChosenSearcher, "search", None)
+        (right,) = exact.search(asked[:1], 1000)
+        rows = opened.search(clip, 1000, method=method, exact=True)
+        assert [row["clip"] for row in rows] == [hit.clip for hit in right]
+        with pytest.raises(TypeError):
+            opened.search(clip, 1000, method=method)
     turned = Scope(mirrored=True)
     (right,) = exact.search(asked[:1], 1000, turned)
     assert_as_near(by.search(asked[:1], 1000, turned)[0], right, 1000)

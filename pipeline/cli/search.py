@@ -39,7 +39,7 @@ from motionlake.names import printable
 
 if TYPE_CHECKING:
     from motionlake.lake.catalog import Connection
-    from motionlake.retrieval.protocol import Finds, Query, Searcher
+    from motionlake.retrieval.protocol import Query, Searcher
     from motionlake.retrieval.text import LakeText
     from motionlake.retrieval.text_example import ExampleAndText
 
@@ -128,10 +128,10 @@ def search(
             return
     from motionlake.lake.catalog import fetch, reading
     from motionlake.retrieval.protocol import Scope
-    from motionlake.retrieval.registry import check_method, searcher
+    from motionlake.retrieval.registry import check_exact, check_method, searcher
 
     check_method("clip", method)
-    _check_exact("clip", method, exact=exact)
+    check_exact("clip", method, "--exact", exact=exact)
     if method != "fused" and (explain or not graph):
         raise UserError(f"--{'explain' if explain else 'no-graph'}: is for --method fused")
     how = {"graph": graph, "explain": explain} if method == "fused" else {}
@@ -156,14 +156,6 @@ def search(
         answers = [[hit.as_row() for hit in hits] for hits in found.search(queries, k, scope)]
         _save_picture(con, target, picture, method, zip(names, queries, answers, strict=True))
     _tell_all(names, answers, _left_out(alike, queries), mirrored=mirrored, explain=explain, as_json=as_json)
-
-
-def _check_exact(finds: Finds, method: str, *, exact: bool) -> None:
-    """Raises `UserError` where a method compares every clip in any case, or none alone."""
-    from motionlake.retrieval.registry import EXACT
-
-    if exact and method not in EXACT[finds]:
-        raise UserError(f"--exact: is for --method {', '.join(EXACT[finds])}")
 
 
 def _scope(
@@ -246,10 +238,10 @@ def find(
             return
     from motionlake.lake.catalog import reading
     from motionlake.retrieval.protocol import Scope
-    from motionlake.retrieval.registry import check_method, searcher
+    from motionlake.retrieval.registry import check_exact, check_method, searcher
 
     check_method("range", method)
-    _check_exact("range", method, exact=exact)
+    check_exact("range", method, "--exact", exact=exact)
     check_picture(picture, 1)
     with reading(target) as con:
         found = searcher("range", method, target, exact=exact)

@@ -49,6 +49,12 @@ def check_method(finds: Finds, name: str) -> str:
     return name
 
 
+def check_exact(finds: Finds, method: str, option: str, *, exact: bool) -> None:
+    """Raises `UserError`, naming the option, where a method compares every clip in any case, or none alone."""
+    if exact and method not in EXACT[finds]:
+        raise UserError(f"{option}: is for --method {', '.join(EXACT[finds])}")
+
+
 def searcher(finds: Finds, name: str, lake: Lake, /, *, exact: bool = False, **options: Any) -> Searcher:
     """A way to search a lake.
 
