@@ -81,6 +81,7 @@ def fresh_search(question: LongQuestion, distances: SymbolDistances, config: Ali
 def shared_search(question: LongQuestion, distances: SymbolDistances, config: AlignmentConfig) -> Search:
     """Sub-queries share the segments of the long query (PESTA-LQ)."""
     query = LongQuery(question.take.string.symbols, question.repository, distances, config)
+    query.align([(asked.first, asked.last) for asked in question.asked], HITS)
     return lambda first, last: query.best_matches(first, last, HITS)
 
 
