@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from motionlake.arrays import Float32Array
+from motionlake.pesta import clustering
 from motionlake.pesta.autoencoder import AutoencoderRecipe, recipe_of
 from motionlake.pesta.autoencoder_training import held_out, train_autoencoder
 from motionlake.pesta.clustering import grid, kmeans, moved_by_rank, neural_gas, self_organising_map, whitened
@@ -130,7 +131,9 @@ def test_neural_gas_weighs_points_by_the_rank_of_heads(seed: int, width: float) 
     naive = np.array(
         [np.average(points, axis=0, weights=w) if w.sum() > 1e-9 else h for w, h in zip(weights.T, heads, strict=True)]
     )
-    np.testing.assert_allclose(moved_by_rank(points, heads, width), naive, atol=1e-4)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(clustering, "ROWS", 16)  # several parts
+        np.testing.assert_allclose(moved_by_rank(points, heads, width), naive, atol=1e-4)
 
 
 def test_neural_gas_uses_every_head_and_leans_as_far_as_it_is_soft() -> None:
@@ -151,6 +154,21 @@ def test_neural_gas_uses_every_head_and_leans_as_far_as_it_is_soft() -> None:
     assert spread(hard) > spread(soft) > spread(softer)
     np.testing.assert_array_equal(soft, neural_gas(points, 60, 1.0, seed=0))
     assert not np.array_equal(soft, neural_gas(points, 60, 1.0, seed=1))
+
+
+def test_neural_gas_that_looks_at_a_share_of_the_points_first_ends_where_all_of_them_lead(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    points = np.random.default_rng(2).normal(size=(4 * clustering.ROWS, 4)).astype(np.float32)
+
+    def error(heads: Float32Array) -> float:
+        return float(np.min(np.square(points[:, None] - heads[None]).sum(axis=2), axis=1).mean())
+
+    shared = neural_gas(points, 60, 0.5, seed=0)
+    monkeypatch.setattr(clustering, "_SHARE", 1)
+    whole = neural_gas(points, 60, 0.5, seed=0)
+    assert not np.array_equal(shared, whole)
+    assert error(shared) == pytest.approx(error(whole), rel=0.01)
 
 
 def test_training_repeats_and_resumes_to_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
