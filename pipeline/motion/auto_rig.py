@@ -82,10 +82,9 @@ def find_rig(
         UserError: there is no map called `name`.
         ClipError: no map fits, and the tree leaves in doubt what is what; the reason says both.
     """
+    known = rigs if name is not None else placeable(clip.hierarchy, rigs)
     try:
-        return identify(
-            clip.hierarchy.joints, rigs if name is not None else placeable(clip.hierarchy, rigs), name
-        ), None
+        return identify(clip.hierarchy.joints, known, name), None
     except ClipError as unknown:
         match = match_rig(clip.hierarchy, motion, config)
         if match.doubt:
