@@ -28,6 +28,17 @@ def weights(query: Int32Array, string: Int32Array, distances: Float32Array, stri
     return w
 
 
+def step_back(w: Float32Array, x: int, y: int, distance: np.float32, stride: int) -> tuple[int, int] | None:
+    """(rows, columns) back to the cell that the cost of a cell comes from: of those equally far the cheapest."""
+    for p in range(1, stride + 1):
+        before = [(m, n) for m, n in cells(stride) if max(m, n) == p and m <= x and n <= y]
+        if before:
+            m, n = min(before, key=lambda o: w[x - o[0], y - o[1]])
+            if w[x - m, y - n] + distance * np.float32(p) == w[x, y]:
+                return m, n
+    return None
+
+
 def path_back(
     w: Float32Array, query: Int32Array, string: Int32Array, distances: Float32Array, stride: int, end: int
 ) -> Path:
@@ -35,11 +46,9 @@ def path_back(
     x, y = len(query) - 1, end
     path = [(x, y)]
     while x:
-        for m, n in cells(stride):
-            step = distances[query[x], string[y]] * np.float32(max(m, n))
-            if m <= x and n <= y and w[x - m, y - n] + step == w[x, y]:
-                x, y = x - m, y - n
-                break
+        step = step_back(w, x, y, distances[query[x], string[y]], stride)
+        assert step
+        x, y = x - step[0], y - step[1]
         path.append((x, y))
     return path[::-1]
 
@@ -71,12 +80,8 @@ def gapped_path(
     """The pairs that are matched on the path from the last row in column `end`, first cell first; there may be none."""
     x, y, path = len(query) - 1, end, []
     while x >= 0:
-        distance, step = distances[query[x], string[y]], None
-        if x == 0:
-            step = (1, 0) if w[x, y] == distance else None
-        for m, n in cells(stride) if x else ():
-            if step is None and m <= x and n <= y and w[x - m, y - n] + distance * np.float32(max(m, n)) == w[x, y]:
-                step = m, n
+        distance = distances[query[x], string[y]]
+        step = step_back(w, x, y, distance, stride) if x else (1, 0) if w[x, y] == distance else None
         if step is not None:
             path.append((x, y))
             x, y = x - step[0], y - step[1]

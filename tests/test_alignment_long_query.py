@@ -119,6 +119,18 @@ def test_answers_do_not_depend_on_what_is_kept_nor_on_what_is_scanned_together(
             assert [together.best_matches(*part, 6) for part in parts] == expected
 
 
+def test_answers_do_not_depend_on_how_many_strips_are_scanned_side_by_side(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(5)
+    given_ = rng.integers(0, 30, 90, dtype=np.int32), Repository.of([rng.integers(0, 30, 900)]), dictionary(5, 30)
+    answers = []
+    for lanes in (8, 16):
+        monkeypatch.setattr(long_query, "strip_lanes", lambda lanes=lanes: lanes)
+        together = LongQuery(*given_)
+        together.align([(start, start + 12) for start in range(0, 78, 2)])
+        answers.append([together.best_matches(start, start + 12, 5) for start in range(0, 78, 2)])
+    assert answers[0] == answers[1]
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [

@@ -28,7 +28,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from motionlake.arrays import BoolArray, Float32Array, Int32Array, Int64Array
 from motionlake.pesta.config import DEFAULT_ALIGNMENT, AlignmentConfig
-from motionlake.pesta.lanes import LANES
+from motionlake.pesta.lanes import strip_lanes
 from motionlake.pesta.long_query_paths import alignment, by_column, leg, select
 from motionlake.pesta.matches import Match, beginning, placed, taken_symbols
 from motionlake.pesta.paths import trace
@@ -43,6 +43,7 @@ from numpy.typing import ArrayLike
 SEGMENT_SYMBOLS: Final = 4
 KEPT_BYTES: Final = 64 << 20  # of what is kept for a session; the sub-queries asked for first are forgotten first
 MOST_IN_A_STRIP: Final = 6  # sub-queries of one lane
+FOLLOWING: Final = 16  # sub-queries that are aligned together, where one is asked for
 _BLOCK_BYTES: Final = 4 * BLOCK
 _FEWEST_BLOCKS: Final = 32
 
@@ -128,7 +129,7 @@ class LongQuery:
         for first, chain in sorted(missing):
             by_chain.setdefault(chain, []).append(first)
         scans = [scan for chain, firsts in by_chain.items() for scan in _strips(firsts, chain, threads)]
-        cells = len(self._strings.symbols) * LANES * self.segment_length
+        cells = len(self._strings.symbols) * strip_lanes() * self.segment_length
         threads = useful_threads(threads, cells * sum(scan.gap + scan.chain for scan in scans))
         for found in in_threads(lambda scan: self._scan(scan, missing, count), scans, threads):
             self._keep(found)
@@ -165,11 +166,12 @@ class LongQuery:
         segments = self._segments[first : first + chain]
         rows = start - first * self.segment_length, stop - first * self.segment_length
         if cover not in self._kept:
-            last = min(first + LANES, len(self._segments) - chain + 1)
-            following = [(each, chain) for each in range(first, last)]
-            wanted = {each for each in following if each not in self._kept}
-            strips = _Strips([each for each, _ in following], 1, chain)
-            self._keep(self._scan(strips, wanted, self._blocks(k)))
+            following = range(first, min(first + FOLLOWING, len(self._segments) - chain + 1))
+            wanted = {(each, chain) for each in following if (each, chain) not in self._kept}
+            ready: dict[tuple[int, int], _Kept] = {}
+            for strips in _strips(following, chain, 1):
+                ready |= self._scan(strips, wanted, self._blocks(k))
+            self._keep(ready)
         while True:
             taken = taken_symbols(barred, len(self._strings.symbols))
             found, costs, enough = select(
@@ -200,18 +202,18 @@ class LongQuery:
 
     def _scan(self, strips: _Strips, wanted: set[tuple[int, int]], count: int) -> dict[tuple[int, int], _Kept]:
         """Align the `wanted` sub-queries of some strips; the `count` best blocks of each."""
-        gap, chain, length = strips.gap, strips.chain, self.segment_length
+        gap, chain, length, lanes = strips.gap, strips.chain, self.segment_length, strip_lanes()
         rows = np.arange((gap + chain - 1) * length)
-        begins = np.array([strips.first[min(lane, len(strips.first) - 1)] for lane in range(LANES)])
+        begins = np.array([strips.first[min(lane, len(strips.first) - 1)] for lane in range(lanes)])
         places = np.minimum(begins[:, None] * length + rows, self._segments.size - 1)
         covers = [
             (strips.first[lane] + j, chain) if lane < len(strips.first) else None
-            for j in range(gap) for lane in range(LANES)
+            for j in range(gap) for lane in range(lanes)
         ]  # fmt: skip
         blocks, minima = np.full((len(covers), count), -1, np.int32), np.full((len(covers), count), np.inf, np.float32)
         costs = np.empty((len(covers), count, BLOCK), np.float32)
         bounds = np.array([np.inf if cover in wanted else -np.inf for cover in covers], np.float32)
-        strip_scanner(self._stride, chain)(
+        strip_scanner(self._stride, chain, lanes)(
             strip_profile(self._segments.ravel()[places], self._matrix.matrix), length, chain, self._strings.symbols,
             self._strings.offsets, blocks, minima, costs, bounds,
         )  # fmt: skip
@@ -257,17 +259,19 @@ def _strips(firsts: Sequence[int], chain: int, threads: int) -> list[_Strips]:
     """Scans for sub-queries of `chain` segments that begin with some segments, ascending: the quickest on so many
     threads. More sub-queries of a lane share its segments, but need more lanes filled to be worth it."""
 
-    def lanes(gap: int) -> list[int]:
-        begins: list[int] = []
+    lanes = strip_lanes()
+
+    def begins(gap: int) -> list[int]:
+        chosen: list[int] = []
         for first in firsts:
-            if not begins or first >= begins[-1] + gap:
-                begins.append(first)
-        return begins
+            if not chosen or first >= chosen[-1] + gap:
+                chosen.append(first)
+        return chosen
 
     def cost(gap: int) -> int:
-        scans = -(-len(lanes(gap)) // LANES)
+        scans = -(-len(begins(gap)) // lanes)
         return -(-scans // max(threads, 1)) * (gap + chain - 1)
 
-    gap = min(range(1, MOST_IN_A_STRIP + 1), key=cost) if len(firsts) > LANES else 1
-    begins = lanes(gap)
-    return [_Strips(begins[at : at + LANES], gap, chain) for at in range(0, len(begins), LANES)]
+    gap = min(range(1, MOST_IN_A_STRIP + 1), key=cost) if len(firsts) > lanes else 1
+    firsts = begins(gap)
+    return [_Strips(firsts[at : at + lanes], gap, chain) for at in range(0, len(firsts), lanes)]

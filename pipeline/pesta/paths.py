@@ -6,9 +6,9 @@ them, the stretch is made longer, at most to the string's first column.
 
 With gaps (`AlignmentConfig.gaps`), symbols that are left out are not in the path.
 
-Ties: of cells that give the same cost, one fewer steps away is taken first, and of those equally far the diagonal, then
-those as many rows back by falling column, then those as many columns back by falling row. Then a symbol of the clip is
-left out, then one of the query.
+Ties: of cells equally far the cheapest is taken, and of equal ones the diagonal, then those as many rows back by
+falling column, then those as many columns back by falling row; where cells at different distances give the same cost,
+one fewer steps away. Then a symbol of the clip is left out, then one of the query.
 """
 
 from __future__ import annotations
@@ -145,14 +145,16 @@ def step_back(weights: Float32Array, x: int, c: int, distance: np.float32, strid
     """Rows and columns back to the cell that the cost of a cell comes from; 0 and 0 where it comes from a gap."""
     cost = weights[c, x]
     for p in range(1, stride + 1):
-        penalty = distance * np.float32(p)
+        low, rows, columns = _INFINITY, 0, 0
         if p <= x:
             for k in range(p, -1, -1):
-                if weights[c - k, x - p] + penalty == cost:
-                    return p, k
+                if weights[c - k, x - p] < low:
+                    low, rows, columns = weights[c - k, x - p], p, k
         for k in range(min(p - 1, x), -1, -1):
-            if weights[c - p, x - k] + penalty == cost:
-                return k, p
+            if weights[c - p, x - k] < low:
+                low, rows, columns = weights[c - p, x - k], k, p
+        if low + distance * np.float32(p) == cost:
+            return rows, columns
     return 0, 0
 
 

@@ -19,19 +19,10 @@ from typing import Any, Final
 import numpy as np
 from motionlake.arrays import Float32Array, Int32Array, Int64Array
 from motionlake.kernels import njit
-from motionlake.pesta.lanes import LANES, MAX_UNROLLED
+from motionlake.pesta.lanes import MAX_UNROLLED
 from motionlake.pesta.selection import BLOCK
-from motionlake.pesta.vectors import (
-    chosen,
-    least,
-    load,
-    next_row,
-    plus,
-    rows_above,
-    scaled,
-    spread,
-    store,
-)
+from motionlake.pesta.strip_rows import next_row, rows_above
+from motionlake.pesta.vectors import chosen, least, load_strip, plus, scaled, store
 
 INFINITY = np.float32(np.inf)
 MAX_WRITTEN_OUT: Final = 4  # segments of a sub-query; a kernel that is for one number of them is quicker
@@ -39,56 +30,64 @@ MAX_WRITTEN_OUT: Final = 4  # segments of a sub-query; a kernel that is for one 
 
 @njit(cache=True, nogil=True)
 def strip_profile(strips: Int32Array, distances: Float32Array) -> Float32Array:
-    """[m * rows * LANES] flat: distances of each symbol from each row of [LANES, rows] strips, one in a lane."""
-    m, n_rows = len(distances), strips.shape[1]
-    profile = np.empty((m, n_rows * LANES), dtype=np.float32)
+    """[m * rows * lanes] flat: distances of each symbol from each row of [lanes, rows] strips."""
+    m = len(distances)
     rows = strips.T.copy().ravel()
+    profile = np.empty((m, len(rows)), dtype=np.float32)
     for symbol in range(m):
         for place in range(len(rows)):
             profile[symbol, place] = distances[np.uint64(rows[place]), symbol]
     return profile.ravel()
 
 
-@njit(nogil=True)
-def _wide_window(
-    ring: Float32Array, columns: Int64Array, row: int, distance: Any, stride: int, other: int
-) -> tuple[Any, Any]:
-    """`vectors.window_choices` for any stride, and what the cell holds `other` places further on."""
-    best, value = spread(INFINITY), spread(INFINITY)
-    for p in range(1, stride + 1):
-        penalty = scaled(distance, np.float32(p))
-        for k in range(p, -1, -1):
-            cell = columns[k] + row - p * LANES
-            cost = plus(load(ring, cell), penalty)
-            value = chosen(best, cost, load(ring, cell + other), value)
-            best = least(best, cost)
-        for k in range(p - 1, -1, -1):
-            cell = columns[p] + row - k * LANES
-            cost = plus(load(ring, cell), penalty)
-            value = chosen(best, cost, load(ring, cell + other), value)
-            best = least(best, cost)
-    return best, value
+@cache
+def _wide_window(lanes: int) -> Callable[..., tuple[Any, Any]]:
+    @njit(nogil=True)
+    def cheapest(
+        ring: Float32Array, columns: Int64Array, row: int, distance: Any, stride: int, other: int
+    ) -> tuple[Any, Any]:
+        """A cell's cost, as `next_row` finds it, for any stride, and what the best cell holds `other` places on."""
+        best, value = distance, distance  # until the first cells have been looked at
+        for p in range(1, stride + 1):
+            cell = columns[p] + row - p * lanes
+            low, carried = load_strip(ring, cell, lanes), load_strip(ring, cell + other, lanes)
+            for k in range(2 * p):
+                cell = columns[p - 1 - k] + row - p * lanes if k < p else columns[p] + row - (2 * p - 1 - k) * lanes
+                cost = load_strip(ring, cell, lanes)
+                carried = chosen(low, cost, load_strip(ring, cell + other, lanes), carried)
+                low = least(low, cost)
+            cost = plus(low, scaled(distance, np.float32(p)))
+            value = carried if p == 1 else chosen(best, cost, carried, value)
+            best = cost if p == 1 else least(best, cost)
+        return best, value
 
-
-@njit(inline="always", nogil=True)
-def _joined(ring: Float32Array, columns: Int64Array, row: int, stride: int, other: int) -> Any:
-    """What the cheapest cell in a last row holds `other` places further on; ties as in `LongQuery`.
-
-    Columns before a string's first cost infinitely much.
-    """
-    cell = columns[1] + row
-    best, value = load(ring, cell), load(ring, cell + other)
-    for step in range(stride):
-        cell = columns[0 if step == 0 else step + 1] + row
-        cost = load(ring, cell)
-        value = chosen(best, cost, load(ring, cell + other), value)
-        best = least(best, cost)
-    return value
+    return cheapest
 
 
 @cache
-def _wide_rows(stride: int) -> Callable[..., None]:
+def _joined(lanes: int) -> Callable[..., Any]:
+    @njit(inline="always", nogil=True)
+    def joined(ring: Float32Array, columns: Int64Array, row: int, stride: int, other: int) -> Any:
+        """What the cheapest cell in a last row holds `other` places further on; ties as in `LongQuery`.
+
+        Columns before a string's first cost infinitely much.
+        """
+        cell = columns[1] + row
+        best, value = load_strip(ring, cell, lanes), load_strip(ring, cell + other, lanes)
+        for step in range(stride):
+            cell = columns[0 if step == 0 else step + 1] + row
+            cost = load_strip(ring, cell, lanes)
+            value = chosen(best, cost, load_strip(ring, cell + other, lanes), value)
+            best = least(best, cost)
+        return value
+
+    return joined
+
+
+@cache
+def _wide_rows(stride: int, lanes: int) -> Callable[..., None]:
     """All rows but the first of a segment in one column, for any stride and any number of tables that are carried."""
+    cheapest = _wide_window(lanes)
 
     @njit(nogil=True)
     def rows(
@@ -96,11 +95,11 @@ def _wide_rows(stride: int) -> Callable[..., None]:
         depth: int,
     ) -> None:  # fmt: skip
         for x in range(1, n_rows):
-            row = base + x * LANES
-            distance = load(profile, at + x * LANES)
-            cost, value = _wide_window(ring, columns, row, distance, stride, 0)
+            row = base + x * lanes
+            distance = load_strip(profile, at + x * lanes, lanes)
+            cost, value = cheapest(ring, columns, row, distance, stride, 0)
             for d in range(1, depth + 1):
-                value = _wide_window(ring, columns, row, distance, stride, d * plane)[1]
+                value = cheapest(ring, columns, row, distance, stride, d * plane)[1]
                 store(ring, columns[0] + row + d * plane, value)
             store(ring, columns[0] + row, cost)
 
@@ -108,7 +107,7 @@ def _wide_rows(stride: int) -> Callable[..., None]:
 
 
 @cache
-def _rows_written_out(stride: int, carried: int) -> Callable[..., None]:
+def _rows_written_out(stride: int, carried: int, lanes: int) -> Callable[..., None]:
     """As `_wide_rows`, for one stride and number of tables: what a row has read stays in registers for the next."""
 
     @njit(nogil=True)
@@ -118,28 +117,28 @@ def _rows_written_out(stride: int, carried: int) -> Callable[..., None]:
     ) -> None:  # fmt: skip
         if n_rows == 1:
             return
-        above = rows_above(ring, columns, base, plane, stride, carried)
-        distance = load(profile, at + LANES)
-        above = next_row(ring, columns, base + LANES, plane, stride, carried, distance, above, 1)
+        above = rows_above(ring, columns, base, plane, stride, carried, lanes)
+        distance = load_strip(profile, at + lanes, lanes)
+        above = next_row(ring, columns, base + lanes, plane, stride, carried, distance, above, 1, lanes)
         for x in range(2, n_rows):
-            distance = load(profile, at + x * LANES)
-            above = next_row(ring, columns, base + x * LANES, plane, stride, carried, distance, above, stride)
+            distance, row = load_strip(profile, at + x * lanes, lanes), base + x * lanes
+            above = next_row(ring, columns, row, plane, stride, carried, distance, above, stride, lanes)
 
     return rows
 
 
-def strip_scanner(stride: int, chain: int) -> Callable[..., None]:
-    """The kernel that aligns strips to strings, with one stride, for sub-queries of so many segments."""
-    return _scanner(stride, chain if stride <= MAX_UNROLLED and chain <= MAX_WRITTEN_OUT else 0)
+def strip_scanner(stride: int, chain: int, lanes: int) -> Callable[..., None]:
+    """The kernel that aligns so many strips to strings, with one stride, for sub-queries of `chain` segments."""
+    return _scanner(stride, chain if stride <= MAX_UNROLLED and chain <= MAX_WRITTEN_OUT else 0, lanes)
 
 
 @cache
-def _scanner(stride: int, written_out: int) -> Callable[..., None]:
+def _scanner(stride: int, written_out: int, lanes: int) -> Callable[..., None]:
     """written_out: the one number of segments that the kernel is for, or 0."""
     rows_0, rows_1, rows_2, rows_3 = (
-        _rows_written_out(stride, depth if depth < written_out else 0) for depth in range(MAX_WRITTEN_OUT)
+        _rows_written_out(stride, depth if depth < written_out else 0, lanes) for depth in range(MAX_WRITTEN_OUT)
     )
-    rows = _wide_rows(stride)
+    rows, joined = _wide_rows(stride, lanes), _joined(lanes)
 
     @njit(cache=True, nogil=True)
     def scan(
@@ -153,23 +152,23 @@ def _scanner(stride: int, written_out: int) -> Callable[..., None]:
         costs: Float32Array,
         bounds: Float32Array,
     ) -> None:
-        """Fill what is kept of [g * LANES] sub-queries: sub-query j of a lane has `segments` from its j-th on.
+        """Fill what is kept of [g * lanes] sub-queries: sub-query j of a lane has `segments` from its j-th on.
 
         profile: `strip_profile` of strips of g + segments - 1 segments of `n_rows`.
-        blocks, minima: [g * LANES, c] blocks that are kept, -1 where there are fewer, and their least costs.
-        costs: [g * LANES, c, BLOCK] end costs within them, infinite beyond the last column.
-        bounds: [g * LANES] no block with a lesser minimum is left out; infinite where none is. Of those that are minus
+        blocks, minima: [g * lanes, c] blocks that are kept, -1 where there are fewer, and their least costs.
+        costs: [g * lanes, c, BLOCK] end costs within them, infinite beyond the last column.
+        bounds: [g * lanes] no block with a lesser minimum is left out; infinite where none is. Of those that are minus
             infinity before, nothing is kept.
         """
         chain = written_out if written_out else segments
-        gap = len(bounds) // LANES
+        gap = len(bounds) // lanes
         n_segments = gap + chain - 1
-        size = (stride + n_rows) * LANES
+        size = (stride + n_rows) * lanes
         plane = (stride + 1) * size
         ring = np.empty(n_segments * chain * plane, dtype=np.float32)
         columns = np.empty(stride + 1, dtype=np.int64)
-        tile, lowest = np.empty(gap * BLOCK * LANES, dtype=np.float32), np.empty(gap * LANES, dtype=np.float32)
-        last = (n_rows - 1) * LANES
+        tile, lowest = np.empty(gap * BLOCK * lanes, dtype=np.float32), np.empty(gap * lanes, dtype=np.float32)
+        last = (n_rows - 1) * lanes
         clip, begin, now = 0, 0, 0
         for first in range(0, len(symbols), BLOCK):
             stop = min(first + BLOCK, len(symbols))
@@ -185,15 +184,15 @@ def _scanner(stride: int, written_out: int) -> Callable[..., None]:
                         begin = offsets[clip]
                 now = 0 if now == stride else now + 1
                 for k in range(stride + 1):
-                    columns[k] = ((now - k if now >= k else now - k + stride + 1) * size) + stride * LANES
-                at = symbols[y] * n_segments * n_rows * LANES
+                    columns[k] = ((now - k if now >= k else now - k + stride + 1) * size) + stride * lanes
+                at = symbols[y] * n_segments * n_rows * lanes
                 for segment in range(n_segments):
                     depth = min(segment, chain - 1)
                     base = segment * chain * plane
                     here = columns[0] + base
-                    store(ring, here, load(profile, at))
+                    store(ring, here, load_strip(profile, at, lanes))
                     for d in range(1, depth + 1):
-                        value = _joined(ring, columns, base - chain * plane + last, stride, (d - 1) * plane)
+                        value = joined(ring, columns, base - chain * plane + last, stride, (d - 1) * plane)
                         store(ring, here + d * plane, value)
                     if not written_out:
                         rows(ring, columns, base, plane, profile, at, n_rows, depth)
@@ -205,17 +204,17 @@ def _scanner(stride: int, written_out: int) -> Callable[..., None]:
                         rows_2(ring, columns, base, plane, profile, at, n_rows, depth)
                     else:
                         rows_3(ring, columns, base, plane, profile, at, n_rows, depth)
-                    at += n_rows * LANES
+                    at += n_rows * lanes
                     if segment >= chain - 1:
-                        cost = load(ring, here + last)
+                        cost = load_strip(ring, here + last, lanes)
                         for d in range(1, chain):
-                            cost = plus(cost, load(ring, here + last + d * plane))
+                            cost = plus(cost, load_strip(ring, here + last + d * plane, lanes))
                         j = segment - (chain - 1)
-                        store(tile, (j * BLOCK + y - first) * LANES, cost)
-                        store(lowest, j * LANES, least(load(lowest, j * LANES), cost))
-            for each in range(gap * LANES):
+                        store(tile, (j * BLOCK + y - first) * lanes, cost)
+                        store(lowest, j * lanes, least(load_strip(lowest, j * lanes, lanes), cost))
+            for each in range(gap * lanes):
                 if lowest[each] < bounds[each]:
-                    _keep(each, first // BLOCK, lowest[each], tile, blocks, minima, costs, bounds)
+                    _keep(each, first // BLOCK, lowest[each], tile, lanes, blocks, minima, costs, bounds)
 
     return scan
 
@@ -226,6 +225,7 @@ def _keep(
     block: int,
     low: np.float32,
     tile: Float32Array,
+    lanes: int,
     blocks: Int32Array,
     minima: Float32Array,
     costs: Float32Array,
@@ -243,6 +243,6 @@ def _keep(
     kept[slot], lows[slot] = block, low
     if kept[-1] >= 0:
         bounds[each] = np.max(lows)
-    j, lane = each // LANES, each % LANES
+    j, lane = each // lanes, each % lanes
     for t in range(BLOCK):
-        costs[each, slot, t] = tile[(j * BLOCK + t) * LANES + lane]
+        costs[each, slot, t] = tile[(j * BLOCK + t) * lanes + lane]

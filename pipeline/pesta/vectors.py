@@ -1,4 +1,4 @@
-"""Vectors of `LANES` numbers inside numba kernels: one string, or one segment of a query, in each lane.
+"""Vectors of numbers inside numba kernels: one string, or one strip of a long query, in each lane.
 
 LLVM does not turn the window of section 6 into vector code by itself, since it cannot prove that the cells read
 and the cell written lie apart. These intrinsics emit the vector instructions directly; they work on any processor.
@@ -15,35 +15,40 @@ from numba.extending import intrinsic, models, register_model
 
 _FLOATS = ir.VectorType(ir.FloatType(), LANES)
 _FLOAT_ROWS = ir.VectorType(ir.FloatType(), ROWS)
-_INTS = ir.VectorType(ir.IntType(32), LANES)
 _INT32 = ir.IntType(32)
 _INT64 = ir.IntType(64)
+_SHUFFLE = ir.VectorType(_INT32, LANES)
 
 
 class LanesType(types.Type):  # type: ignore[misc]
-    """The numba type of a vector of `LANES` numbers."""
+    """The numba type of a vector of numbers."""
 
-    def __init__(self, element: Any) -> None:
-        super().__init__(name=f"Lanes({LANES} x {element})")
-        self.element = element
+    def __init__(self, element: Any, lanes: int = LANES) -> None:
+        super().__init__(name=f"Lanes({lanes} x {element})")
+        self.element, self.lanes = element, lanes
 
 
 @register_model(LanesType)
 class _LanesModel(models.PrimitiveModel):  # type: ignore[misc]
     def __init__(self, manager: Any, kind: LanesType) -> None:
-        super().__init__(manager, kind, _vector(kind))
+        super().__init__(manager, kind, vector_of(kind))
 
 
 Floats = LanesType(types.float32)
 Ints = LanesType(types.int32)
 
 
-def _vector(kind: LanesType) -> Any:
-    return _FLOATS if kind.element == types.float32 else _INTS
+def vector_of(kind: LanesType) -> Any:
+    return ir.VectorType(ir.FloatType() if kind.element == types.float32 else _INT32, kind.lanes)
 
 
 def _kind(array: Any) -> LanesType:
     return Floats if array.dtype == types.float32 else Ints
+
+
+def constants_of(*values: Any) -> tuple[int, ...] | None:
+    """What numba knows to be constants; None if it does not know one of them."""
+    return tuple(v.literal_value for v in values) if all(isinstance(v, types.IntegerLiteral) for v in values) else None
 
 
 def _data(context: Any, builder: Any, kind: Any, array: Any) -> Any:
@@ -61,7 +66,7 @@ def _write(builder: Any, data: Any, offset: Any, value: Any) -> None:
 def _spread(builder: Any, number: Any, vector: Any) -> Any:
     nothing = ir.Constant(vector, ir.Undefined)
     one = builder.insert_element(nothing, number, ir.Constant(_INT32, 0))
-    return builder.shuffle_vector(one, nothing, ir.Constant(_INTS, [0] * LANES))
+    return builder.shuffle_vector(one, nothing, ir.Constant(ir.VectorType(_INT32, vector.count), [0] * vector.count))
 
 
 def _least(builder: Any, a: Any, b: Any) -> Any:
@@ -74,9 +79,23 @@ def load(typing: Any, array: Any, offset: Any) -> Any:
 
     def emit(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         data = _data(context, builder, signature.args[0], arguments[0])
-        return _read(builder, data, arguments[1], _vector(signature.return_type))
+        return _read(builder, data, arguments[1], vector_of(signature.return_type))
 
     return _kind(array)(array, types.intp), emit
+
+
+@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
+def load_strip(typing: Any, array: Any, offset: Any, lanes: Any) -> Any:
+    """array[offset + lane] of a flat float32 array, for a constant number of lanes."""
+    constants = constants_of(lanes)
+    if not constants:
+        return None
+    kind = LanesType(types.float32, *constants)
+
+    def emit(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return _read(builder, _data(context, builder, signature.args[0], arguments[0]), arguments[1], vector_of(kind))
+
+    return kind(array, types.intp, lanes), emit
 
 
 @intrinsic  # type: ignore[untyped-decorator]
@@ -87,7 +106,7 @@ def store(typing: Any, array: Any, offset: Any, value: Any) -> Any:
         _write(builder, _data(context, builder, signature.args[0], arguments[0]), arguments[1], arguments[2])
         return context.get_dummy_value()
 
-    return types.none(array, types.intp, _kind(array)), emit
+    return types.none(array, types.intp, value), emit
 
 
 @intrinsic  # type: ignore[untyped-decorator]
@@ -96,7 +115,7 @@ def spread(typing: Any, number: Any) -> Any:
     kind = Floats if number == types.float32 else Ints
 
     def emit(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return _spread(builder, arguments[0], _vector(signature.return_type))
+        return _spread(builder, arguments[0], vector_of(signature.return_type))
 
     return kind(kind.element), emit
 
@@ -108,7 +127,7 @@ def least(typing: Any, a: Any, b: Any) -> Any:
     def emit(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return _least(builder, *arguments)
 
-    return Floats(Floats, Floats), emit
+    return a(a, b), emit
 
 
 @intrinsic  # type: ignore[untyped-decorator]
@@ -118,7 +137,7 @@ def plus(typing: Any, a: Any, b: Any) -> Any:
     def emit(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return builder.fadd(*arguments)
 
-    return Floats(Floats, Floats), emit
+    return a(a, b), emit
 
 
 @intrinsic  # type: ignore[untyped-decorator]
@@ -126,9 +145,9 @@ def scaled(typing: Any, a: Any, factor: Any) -> Any:
     """A float vector times a float32."""
 
     def emit(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.fmul(arguments[0], _spread(builder, arguments[1], _FLOATS))
+        return builder.fmul(arguments[0], _spread(builder, arguments[1], arguments[0].type))
 
-    return Floats(Floats, types.float32), emit
+    return a(a, types.float32), emit
 
 
 @intrinsic  # type: ignore[untyped-decorator]
@@ -139,7 +158,7 @@ def chosen(typing: Any, a: Any, b: Any, if_less: Any, otherwise: Any) -> Any:
         a, b, if_less, otherwise = arguments
         return builder.select(builder.fcmp_ordered("<", b, a), if_less, otherwise)
 
-    return Floats(Floats, Floats, Floats, Floats), emit
+    return a(a, b, if_less, otherwise), emit
 
 
 @intrinsic  # type: ignore[untyped-decorator]
@@ -152,7 +171,7 @@ def load_rows(typing: Any, table: Any, at: Any, first: Any, out: Any) -> Any:
         for lane in range(LANES):
             start = builder.load(builder.gep(at, [ir.Constant(_INT64, lane)]))
             by_lane.append(_read(builder, table, builder.add(start, arguments[2]), _FLOAT_ROWS))
-        both = ir.Constant(ir.VectorType(_INT32, LANES), list(range(LANES)))
+        both = ir.Constant(_SHUFFLE, list(range(LANES)))
         halves = [builder.shuffle_vector(by_lane[lane], by_lane[lane + ROWS], both) for lane in range(ROWS)]
         for row, vector in enumerate(_transposed(builder, halves, ROWS)):
             _write(builder, out, ir.Constant(_INT64, row * LANES), vector)
@@ -171,8 +190,8 @@ def _transposed(builder: Any, rows: list[Any], size: int) -> list[Any]:
         for row in range(size):
             if (row // step) % 2 == 0:
                 pair = rows[row], rows[row + step]
-                swapped[row] = builder.shuffle_vector(*pair, ir.Constant(_INTS, low))
-                swapped[row + step] = builder.shuffle_vector(*pair, ir.Constant(_INTS, high))
+                swapped[row] = builder.shuffle_vector(*pair, ir.Constant(_SHUFFLE, low))
+                swapped[row + step] = builder.shuffle_vector(*pair, ir.Constant(_SHUFFLE, high))
         rows = swapped
         step *= 2
     return rows
@@ -193,13 +212,15 @@ def window(typing: Any, ring: Any, columns: Any, row: Any, above: Any, distance:
     ring: flat float32; columns[k]: where the column k steps back begins in it; row: the cell's row * LANES;
     above: W of the row before in this column; distance: D.
     """
-    if not isinstance(stride, types.IntegerLiteral):
+    constants = constants_of(stride)
+    if not constants:
         return None
+    (w,) = constants
 
     def emit(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        read = _Window(context, builder, signature, arguments, stride.literal_value)
+        read = Window(context, builder, signature, arguments, w)
         best = None
-        for p in range(stride.literal_value, 0, -1):
+        for p in range(w, 0, -1):
             cells = [read.cost(*cell) for cell in window_cells(p) if cell != (1, 0)]
             if p == 1:
                 cells.append(arguments[3])
@@ -213,94 +234,13 @@ def window(typing: Any, ring: Any, columns: Any, row: Any, above: Any, distance:
     return Floats(ring, columns, types.intp, Floats, Floats, stride), emit
 
 
-@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
-def rows_above(typing: Any, ring: Any, columns: Any, row: Any, plane: Any, stride: Any, depth: Any) -> Any:
-    """What `next_row` needs of the rows before a strip's second one: its first row, and none above it.
-
-    ring: flat float32: the costs, and `depth` tables of what cells carry, `plane` places apart; columns[k]: where the
-    column k steps back begins in it; row: the first row's place.
-
-    Returns:
-        (1 + depth) * stride * (stride + 1) vectors: by table, rows back and columns back.
-    """
-    if not (isinstance(stride, types.IntegerLiteral) and isinstance(depth, types.IntegerLiteral)):
-        return None
-    w, tables = stride.literal_value, depth.literal_value + 1
-
-    def emit(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        read = _Window(context, builder, signature, arguments[:3], w)
-        nothing = ir.Constant(_FLOATS, [float("inf")] * LANES)
-        cells = []
-        for table in range(tables):
-            cells += [read.cost(0, k, builder.mul(arguments[3], ir.Constant(_INT64, table))) for k in range(w + 1)]
-            cells += [nothing] * ((w - 1) * (w + 1))
-        return context.make_tuple(builder, signature.return_type, cells)
-
-    many = types.UniTuple(Floats, tables * w * (w + 1))
-    return many(ring, columns, types.intp, types.intp, stride, depth), emit
-
-
-@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
-def next_row(
-    typing: Any, ring: Any, columns: Any, row: Any, plane: Any, stride: Any, depth: Any, distance: Any, above: Any,
-    reach: Any,
-) -> Any:  # fmt: skip
-    """Write a row's cell, the least W(m, n) + D * p over its window (section 6), and what the first of the best cells
-    carries.
-
-    row: the row's place; distance: D; above: `rows_above` or what this has returned of the row before; reach: how many
-    rows above there are at most, a constant. Cells are compared by pairs, then the lesser ones by pairs, the first of
-    equals kept: no long chain.
-
-    Returns:
-        As `rows_above`, for the next row.
-    """
-    if not all(isinstance(each, types.IntegerLiteral) for each in (stride, depth, reach)):
-        return None
-    w, tables, most = stride.literal_value, depth.literal_value + 1, reach.literal_value
-
-    def emit(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        read = _Window(context, builder, signature, arguments[:3], w)
-        places = [builder.mul(arguments[3], ir.Constant(_INT64, table)) for table in range(tables)]
-        beside = [[read.cost(0, k, place) for k in range(1, w + 1)] for place in places]
-
-        def cell(table: int, rows: int, columns: int) -> Any:
-            if rows == 0:
-                return beside[table][columns - 1]
-            at = (table * w + rows - 1) * (w + 1) + columns
-            return builder.extract_value(arguments[7], at)
-
-        rivals = []
-        for p in range(1, w + 1):
-            penalty = read.penalty(arguments[6], p)
-            for rows, back in window_cells(p):
-                if rows <= most:
-                    cost = builder.fadd(cell(0, rows, back), penalty)
-                    rivals.append([cost, *(cell(table, rows, back) for table in range(1, tables))])
-        while len(rivals) > 1:
-            pairs = [rivals[i : i + 2] for i in range(0, len(rivals), 2)]
-            rivals = [_first_least(builder, *pair) if len(pair) > 1 else pair[0] for pair in pairs]
-        following = []
-        for table, place in enumerate(places):
-            read.put(place, rivals[0][table])
-            following += [rivals[0][table], *beside[table]]
-            following += [cell(table, rows, k) for rows in range(1, w) for k in range(w + 1)]
-        return context.make_tuple(builder, signature.return_type, following)
-
-    many = types.UniTuple(Floats, tables * w * (w + 1))
-    return many(ring, columns, types.intp, types.intp, stride, depth, Floats, many, reach), emit
-
-
-def _first_least(builder: Any, a: list[Any], b: list[Any]) -> list[Any]:
-    less = builder.fcmp_ordered("<", b[0], a[0])
-    return [builder.select(less, other, one) for one, other in zip(a, b, strict=True)]
-
-
-class _Window:
+class Window:
     """The cells around one cell, as an intrinsic's first arguments (ring, columns, row) give them."""
 
-    def __init__(self, context: Any, builder: Any, signature: Any, arguments: Any, last: int) -> None:
-        self._builder = builder
+    def __init__(
+        self, context: Any, builder: Any, signature: Any, arguments: Any, last: int, lanes: int = LANES
+    ) -> None:
+        self._builder, self._lanes = builder, lanes
         self._data = _data(context, builder, signature.args[0], arguments[0])
         columns = _data(context, builder, signature.args[1], arguments[1])
         starts = [builder.load(builder.gep(columns, [ir.Constant(_INT64, k)])) for k in range(last + 1)]
@@ -308,8 +248,9 @@ class _Window:
 
     def cost(self, rows: int, columns: int, table: Any = None) -> Any:
         """Of the cell so many rows and columns back, in the table that begins `table` places further on."""
-        place = self._builder.sub(self._columns[columns], ir.Constant(_INT64, rows * LANES))
-        return _read(self._builder, self._data, place if table is None else self._builder.add(place, table), _FLOATS)
+        place = self._builder.sub(self._columns[columns], ir.Constant(_INT64, rows * self._lanes))
+        place = place if table is None else self._builder.add(place, table)
+        return _read(self._builder, self._data, place, ir.VectorType(ir.FloatType(), self._lanes))
 
     def put(self, table: Any, value: Any) -> None:
         """Into the cell itself."""
@@ -318,4 +259,4 @@ class _Window:
     def penalty(self, distance: Any, p: int) -> Any:
         if p == 1:
             return distance
-        return self._builder.fmul(distance, ir.Constant(_FLOATS, [float(p)] * LANES))
+        return self._builder.fmul(distance, ir.Constant(distance.type, [float(p)] * self._lanes))
