@@ -41,6 +41,8 @@ GROUPS: Final[Mapping[str, Mapping[str, Module]]] = {
         "pipeline/pesta/selection.py": _ALIGN,
         "pipeline/pesta/strings.py": _ALIGN,
         "pipeline/pesta/segments.py": _ALIGN,
+        "pipeline/pesta/strip_rows.py": _LONG,
+        "pipeline/pesta/paths.py": _ALIGN,
         "pipeline/pesta/cycles.py": Module(_tests("cycles align_ranges")),
         "pipeline/pesta/long_query.py": _LONG,
         "pipeline/pesta/long_query_paths.py": _LONG,
