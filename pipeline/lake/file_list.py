@@ -78,9 +78,16 @@ class ListedFiles(Mapping[str, FileSums]):
     def __len__(self) -> int:
         return len(self._rows)
 
-    def every(self) -> list[FileSums]:
-        """All of them, in the order of their names."""
-        return list(map(FileSums, *(column.to_pylist() for column in self._columns)))
+    def touched(self, seen: Iterable[os.stat_result | None]) -> list[FileSums]:
+        """Those that are not there, or have another size or time than when they were written; seen: what is known of
+        every file now, in the order of their names."""
+        sizes, times = (column.to_pylist() for column in self._columns[1:3])
+        looks = zip(self._rows, sizes, times, seen, strict=True)
+        return [
+            self[name]
+            for name, size, time, now in looks
+            if now is None or now.st_size != size or now.st_mtime_ns != time
+        ]
 
 
 def listed_in(con: Connection) -> ListedFiles:

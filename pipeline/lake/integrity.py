@@ -140,7 +140,8 @@ def touched_faults(lake: Lake, wanted: Iterable[FileSums]) -> list[tuple[FileSum
 
 def faults_of_now(lake: Lake) -> list[tuple[FileSums, str]]:
     """`touched_faults` of every file that the catalog lists which this process reads now."""
-    return touched_faults(lake, _listed(lake).every())
+    listed = _listed(lake)
+    return touched_faults(lake, listed.touched(lake.stats(list(listed))))
 
 
 def check_files(lake: Lake) -> None:

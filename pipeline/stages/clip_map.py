@@ -14,7 +14,7 @@ from typing import Final
 import pyarrow as pa
 from motionlake.arrays import Float32Array
 from motionlake.deep_motifs.clip_map import places
-from motionlake.lake.catalog import Connection, fetch, run_sql
+from motionlake.lake.catalog import Connection, run_sql
 from motionlake.lake.config import config_hash, load_config
 from motionlake.lake.layout import Lake
 from motionlake.lake.parts import write_part
@@ -71,11 +71,11 @@ class ClipMap(ShardStage):
         source = next((name for name, keys in made.items() if keys), None)
         if source is None:
             return None
-        (clips,) = fetch(at.con, "digest_of_clips")
-        key = config_hash(self.name, self.version, source, made[source], clips["digest"])
+        clips, digest = at.clips()
+        key = config_hash(self.name, self.version, source, made[source], digest)
         # Named by its datasets: it serves on where a part of them leaves the lake.
         datasets = "+".join(sorted({part.dataset for part in live_parts(at)}))
-        return Shard(self.name, key, datasets, datasets, {"source": source}, clips["clips"])
+        return Shard(self.name, key, datasets, datasets, {"source": source}, clips)
 
     def run(self, root: Path, shard: Shard, /) -> ShardResult:
         started = time.perf_counter()

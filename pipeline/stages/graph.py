@@ -78,17 +78,17 @@ class Graph(ShardStage):
         methods = [method for method, keys in made.items() if keys]
         if not methods or not 1 < sum(part.clips for part in live) <= MOST:
             return []
-        (clips,) = fetch(at.con, "digest_of_clips")
+        clips, digest = at.clips()
         alignment = at.config.alignment.spec
         spec = {
             "methods": methods,
             "alignment": alignment,
             "moves": [MOVES.file(part.key) for part in MOVES.made(at)],
-            "settings": config_hash(self.name, self.version, KIND, methods, alignment, clips["clips"] > ALL),
+            "settings": config_hash(self.name, self.version, KIND, methods, alignment, clips > ALL),
             "made": made_of(at, live),
             "before": _files_of(at, self.name) if before else [],
         }
-        of = config_hash(self.name, self.version, KIND, made, clips["digest"], alignment)
+        of = config_hash(self.name, self.version, KIND, made, digest, alignment)
         return [_shard(self.name, of, spec, group) for group in _groups(live)]
 
     def run(self, root: Path, shard: Shard, /) -> ShardResult:

@@ -46,6 +46,14 @@ class LakeReader:
 
         return self.once("done", stage, find)
 
+    def clips(self) -> tuple[int, str]:
+        """How many clips the lake holds, and a hash of all their names."""
+
+        def find() -> tuple[int, str]:
+            return run_sql(self.con, "digest_of_clips").fetchall()[0]
+
+        return self.once("clips", "", find)
+
     def file_hash(self, file: str) -> str:
         """sha256 of a file of the lake."""
         return self.once("sha256", file, lambda: file_hash(sound(self.lake, file)))

@@ -96,14 +96,14 @@ class Shortlist(ShardStage):
         methods = [method for method, keys in made.items() if keys]
         if not methods or count <= WHOLE:
             return None
-        (clips,) = fetch(at.con, "digest_of_clips")
-        key = config_hash(self.name, self.version, KIND, made, clips["digest"])
+        clips, digest = at.clips()
+        key = config_hash(self.name, self.version, KIND, made, digest)
         read: dict[str, Any] = {"moves": list(moves_of_parts(at).values())}
         if count > MOST:  # pieces of clips are looked for in it
             read |= {"windows": vectors_of_parts(at), **{rows.name: rows.of_parts(at) for rows in ROWS}}
         # Named by its datasets: it serves on where a part of them leaves the lake.
         datasets = "+".join(sorted({part.dataset for part in live}))
-        return Shard(self.name, key, datasets, datasets, {"methods": methods, **read}, clips["clips"])
+        return Shard(self.name, key, datasets, datasets, {"methods": methods, **read}, clips)
 
     def _after(self, at: LakeReader, shard: Shard) -> Shard:
         """The shard that takes over what it can of the shortlist that is there."""
