@@ -185,7 +185,7 @@ def test_nearest_reach_as_far_as_of_all_clips(large: Path, monkeypatch: pytest.M
     """By signatures as many of the chosen clips count as are among the k nearest of all by vectors; by moves about how
     far the clip at that place is, as much farther as others are in full."""
     k = 6
-    monkeypatch.setattr("motionlake.retrieval.shortlist.LARGE", Most(12, 5))
+    monkeypatch.setattr("motionlake.retrieval.shortlist.LARGE", Most(8, 5))
     monkeypatch.setattr("motionlake.retrieval.shortlist_methods.UNIT", 12)
     with few():
         search = FusedSearcher(open_lake(large), graph=False)
@@ -196,7 +196,7 @@ def test_nearest_reach_as_far_as_of_all_clips(large: Path, monkeypatch: pytest.M
             row, every = search._cascade._clips.row(clip), np.arange(len(search._cascade.files.table))
             of = {name: methods[name].of_row(row) for name in methods}
             total = sum(methods[name].likeness(of[name]) for name in methods)
-            chosen = np.sort(np.argsort(-total, kind="stable")[:12])
+            chosen = np.sort(np.argsort(-total, kind="stable")[:8])
 
             near = methods["signature"].likeness(of["signature"])
             there = int((near[chosen] >= np.sort(near)[-k]).sum())
