@@ -16,6 +16,7 @@ from motionlake.motion.calibration import (
     AROUND,
     DEGREES,
     EDGE,
+    HELD,
     LONGEST,
     SETTLED,
     SLOW,
@@ -68,6 +69,17 @@ def test_tposes_at_either_end_are_found(before: int, after: int) -> None:
     assert len(recorded(body, FPS)) == 240
 
 
+def test_slow_arms_pass_through_a_tpose() -> None:
+    body = stretched(240)
+    for side, sign in (("left", 1), ("right", -1)):
+        for joint, far in (("elbow", 0.28), ("wrist", 0.53)):
+            down = np.radians(15 + np.arange(240) * 0.6)
+            arms = np.column_stack([sign * np.cos(down), -np.sin(down), np.zeros(240)])
+            body[:, INDEX[f"{side}_{joint}"]] = body[:, INDEX[f"{side}_shoulder"]] + far * arms
+    assert 5 < tposes(body).sum() < 0.25 * FPS
+    assert recorded_range(body, FPS) == recorded_range(body[::-1], FPS) == (0, 240)
+
+
 def test_other_poses_are_found_where_the_joints_jump_from_them() -> None:
     odd = walking(240)
     odd[:3] += [0.5, 0.2, 0]
@@ -109,6 +121,7 @@ def naive_beginning(body: Float64Array) -> int:
     still = np.minimum(np.r_[np.inf, steps], np.r_[steps, np.inf])[: len(body)] * FPS < SLOW
     stretched = naive_tposes(body)
     start = run_of(stretched & still, most)
+    start = start if start >= HELD * FPS else 0
     near = jumps(body[: start + edge + 2 * AROUND + 2])
     start = max([start, *(jump.stop for jump in near if jump.stop <= start + edge)])
     after = steps[start : start + 4 * edge - 1]
@@ -122,7 +135,7 @@ def naive_beginning(body: Float64Array) -> int:
 
 
 @given(
-    before=st.integers(0, 40), frames=st.integers(30, 200), turned=st.floats(0, 60),
+    before=st.integers(0, 60), frames=st.integers(30, 200), turned=st.floats(0, 60),
     leap=st.sampled_from([0.0, 0.02, 0.3]), seed=st.integers(0, 1000),
 )  # fmt: skip
 def test_what_is_looked_at_first_decides_as_all_frames_would(

@@ -20,6 +20,7 @@ STEPS: Final = 3.0  # times the steps of the frames around, that a jump is
 AROUND: Final = 3  # frames
 SETTLED: Final = 1.5  # times the greatest of the steps that follow, within which the joints have settled
 SLOW: Final = 0.2  # metres a second, mean over the joints, of a pose that is held
+HELD: Final = 0.25  # seconds, at least, of a pose that is held: slow arms pass through one
 STILL: Final = 0.002  # metres: steps that are no motion
 
 
@@ -81,10 +82,10 @@ def _greatest_beside(steps: Float64Array) -> Float64Array:
 def recorded_range(positions: FloatArray, fps: float) -> tuple[int, int]:
     """The frames [start, stop) of a recording that lie between the calibration poses at its ends.
 
-    Such a pose is a T-pose of at most `LONGEST` seconds that begins or ends the recording and is held still, or from
-    which the joints leap; or whatever lies beyond a jump of the joints within `EDGE` seconds of that. The frames next
-    to it in which the joints still settle, `EDGE` seconds at most, belong to it: a filter smears a jump. A recording
-    that holds nothing else is whole.
+    Such a pose is a T-pose of at most `LONGEST` seconds that begins or ends the recording and is held still for `HELD`
+    seconds, or from which the joints leap; or whatever lies beyond a jump of the joints within `EDGE` seconds of that.
+    The frames next to it in which the joints still settle, `EDGE` seconds at most, belong to it: a filter smears a
+    jump. A recording that holds nothing else is whole.
 
     Args:
         positions: [F, 21, 3] canonical joints, metres, y up.
@@ -100,6 +101,7 @@ def _beginning(positions: FloatArray, fps: float) -> int:
     positions = positions[: most + 6 * edge + 4 * AROUND]  # no more of them are looked at
     stretched = bool(tposes(positions[:1]).any())  # most recordings begin with no T-pose, and no more is looked at
     start = run_of(tposes(positions) & _still(positions, fps), most) if stretched else 0
+    start = start if start >= HELD * fps else 0
     near = jumps(positions[: start + edge + 2 * AROUND + 2])
     start = max([start, *(jump.stop for jump in near if jump.stop <= start + edge)])
     if not start and not stretched:
