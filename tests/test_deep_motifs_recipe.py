@@ -114,6 +114,9 @@ def test_a_batch_holds_anchors_with_a_positive_of_either_kind_and_copies() -> No
     for row, *seen in zip(rows, temporal, near, strict=True):
         for word, positives in zip(seen, (found.temporal[row], found.nearest[row]), strict=True):
             assert (found.words[positives] == word).all(axis=(1, 2)).any()
+    for words, table in ((temporal, found.temporal), (near, found.nearest)):
+        here = (found.words[table[rows]] == words[:, None]).all(axis=(2, 3))
+        assert here.any(axis=0).all(), "every positive of an anchor may be drawn"
 
 
 def naive_loss(near: Float32Array, apart: Float32Array, allowed: np.ndarray, margin: float, negatives: str) -> float:

@@ -137,10 +137,11 @@ def test_a_lake_within_its_source_folder_is_no_source(made: Made) -> None:
     (inside / "models").mkdir(exist_ok=True)
     (inside / "models" / "x.txt").write_text(text(30), encoding="utf-8")
     assert compared(inside, made.root).shards == []
-    (made.folder / "lakes").mkdir()
-    (made.folder / "lakes" / "y.txt").write_text(text(30), encoding="utf-8")
+    for other in ("lakes", "sub/lake"):
+        (made.folder / other).mkdir()
+        (made.folder / other / "y.txt").write_text(text(30), encoding="utf-8")
     (shard,) = compared(inside, made.root).shards
-    assert [file["path"] for file in shard.spec["files"]] == ["lakes/y.txt"]
+    assert [file["path"] for file in shard.spec["files"]] == ["lakes/y.txt", "sub/lake/y.txt"]
 
 
 def test_new_content_is_read_again_and_a_new_date_is_not(made: Made) -> None:
@@ -519,6 +520,18 @@ def test_a_model_serves_until_its_configuration_or_its_version_is_another(
         with pytest.raises(AssertionError, match="no test model yet"):
             kind.serving(at)
         assert not kind.takes_pretrained(at)
+
+
+@pytest.mark.parametrize("fine_tune", [True, False])
+def test_only_what_is_fine_tuned_takes_the_pretrained_model_first(made: Made, fine_tune: bool) -> None:
+    class Taken(Kind):
+        pretrained = POSTURE_DICTIONARY.pretrained
+
+    kind = Taken()
+    with opened(made.lake) as one:
+        model = models.train(one, kind, Selection(fine_tune=fine_tune))
+    assert model is not None
+    assert (kind.runs, model.file) == (1, f"models/postures-{2 if fine_tune else 1}.safetensors")
 
 
 def test_what_cannot_be_trained_makes_no_model(made: Made) -> None:

@@ -14,7 +14,7 @@ from motionlake.deep_motifs.words import training
 from motionlake.deep_motifs.words.dtw import word_distances
 from motionlake.deep_motifs.words.linear import LinearConfig, linear_embedding, nearest_elsewhere
 from motionlake.deep_motifs.words.network import MovesBody, TrainedNetwork, load_network, moves
-from motionlake.deep_motifs.words.training import Recipe, train_words
+from motionlake.deep_motifs.words.training import Recipe, _triplet_loss, train_words
 from motionlake.deep_motifs.words.triplets import TripletConfig, time_reversed, time_warped, training_words
 from motionlake.motion.dtw import frame_distances
 from motionlake.motion.features import WordConfig, word_features, word_windows
@@ -123,6 +123,18 @@ def test_the_triplet_loss_brings_positives_closer_than_negatives() -> None:
     start = train_words(clips(40), CONFIG, NetworkConfig("conv", steps=0), recipe=recipe)
     trained = train_words(clips(40), CONFIG, config, recipe=recipe)
     assert violations(trained) < 0.7 * violations(start)
+
+
+def test_the_triplet_loss_is_that_of_every_triplet() -> None:
+    random = torch.Generator().manual_seed(3)
+    positives, squared = torch.rand(3, 5, generator=random), torch.rand(5, 7, generator=random)
+    negative = torch.rand(5, 7, generator=random) > 0.4
+    expected = [
+        max(float(positives[p, a] - squared[a, n]) + 0.3, 0.0)
+        for p in range(3) for a in range(5) for n in range(7) if negative[a, n]
+    ]  # fmt: skip
+    assert float(_triplet_loss(positives, squared, negative, 0.3)) == pytest.approx(np.mean(expected), rel=1e-5)
+    assert float(_triplet_loss(positives, squared, torch.zeros_like(negative), 0.3)) == 0
 
 
 def test_without_neighbours_the_embedding_is_the_principal_components() -> None:
