@@ -29,7 +29,7 @@ from bench.record import RESULTS
 
 FIGURE: Final = re.compile(r"(?<![\w./-])(\d{0,3}(?:,\d{3})*\.\d+)(?![\w.]*\d)")
 PLACE: Final = re.compile(
-    r"\b(?:[Ss]ections?|[Ee]quations?|§|Tables?|[Ff]ig(?:\.|ures?))\s*[\d.]+(?:(?:,| and| to)\s+[\d.]+)*"
+    r"\b(?:[Ss]ections?|[Ee]quations?|§|[Tt]ables?|[Ff]ig(?:\.|ures?))\s*[\d.]+(?:(?:,| and| to)\s+[\d.]+)*"
 )
 CODE: Final = re.compile(r"```.*?```|`[^`]*`", re.DOTALL)
 HEADING: Final = re.compile(r"^#+ ", re.MULTILINE)
@@ -37,8 +37,6 @@ BENCH: Final = re.compile(r"\bbench\.[a-z]|\bmake bench-")
 SCALES: Final = (1, 100, 1000, 1e-3, 1e-6)
 WITHOUT: Final[tuple[str, ...]] = (
     "applications.md: Query by example inside sequences",
-    "synthesis.md: How it does",
-    "synthesis.md: In the lake",
 )
 
 
