@@ -6,8 +6,7 @@ thousands or thousandths, or in millions, rounded to as many digits as the page 
 measured it, and names no record, is wrong too. What is wrong is printed, a line each, and the exit status is then 1.
 
 That a figure is in a record does not say that it is the right one: of figures that were altered by up to a tenth, the
-check misses some, the more the longer the record (`--power` says how many). Sections of `WITHOUT` are left out: their
-records are still to be made.
+check misses some, the more the longer the record (`--power` says how many).
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from __future__ import annotations
 import json
 import re
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -35,9 +34,6 @@ CODE: Final = re.compile(r"```.*?```|`[^`]*`", re.DOTALL)
 HEADING: Final = re.compile(r"^#+ ", re.MULTILINE)
 BENCH: Final = re.compile(r"\bbench\.[a-z]|\bmake bench-")
 SCALES: Final = (1, 100, 1000, 1e-3, 1e-6)
-WITHOUT: Final[tuple[str, ...]] = (
-    "applications.md: Query by example inside sequences",
-)
 
 
 @dataclass(frozen=True)
@@ -96,17 +92,11 @@ def recorded(figure: str, known: Iterable[Float64Array]) -> bool:
     return any(np.any(np.abs(each * scale - value) <= most) for each in known for scale in SCALES)
 
 
-def faults(pages: Iterable[Path], results: Path, without: Sequence[str] = WITHOUT) -> Iterator[str]:
-    """What is wrong with figures on pages, and sections of `without` that are right, or that there are none of."""
-    left = set(without)
+def faults(pages: Iterable[Path], results: Path) -> Iterator[str]:
+    """What is wrong with figures on pages."""
     for page in pages:
         for section in sections(page):
-            found = list(_of_section(section, results))
-            if section.name in left:
-                left.remove(section.name)
-                found = [] if found else [f"{section.name}: all its figures are recorded; take it out of WITHOUT"]
-            yield from found
-    yield from (f"{name}: there is no such section; take it out of WITHOUT" for name in sorted(left))
+            yield from _of_section(section, results)
 
 
 def _of_section(section: Section, results: Path) -> Iterator[str]:
@@ -141,7 +131,7 @@ def main() -> None:
         print(f"{seen} of {altered} altered figures are found")
         return
     found = list(faults(pages, RESULTS))
-    print("\n".join(found) or f"figures of docs are in the records named beside them, but for {len(WITHOUT)} sections")
+    print("\n".join(found) or "figures of docs are in the records named beside them")
     sys.exit(bool(found))
 
 
