@@ -12,9 +12,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from motionlake.arrays import Float32Array, Float64Array
 from motionlake.deep_motifs.words.dtw import LANES, word_distances
+from motionlake.motion import dtw
 from motionlake.motion.dtw import (
     Metric,
     clip_dtw,
+    clip_dtws,
     clip_path,
     dtw_cross,
     dtw_matrix,
@@ -166,3 +168,13 @@ def test_edges_of_a_query_are_left_out_as_far_as_three_frames_stay() -> None:
             assert nearest_stretch(query, sequence, edge).cost > 1
     first = nearest_stretch(np.ones((2, 1), dtype=np.float32), np.ones((6, 1), dtype=np.float32))
     assert first.stop == 1
+
+
+def test_a_query_is_aligned_with_many_clips_some_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    random = np.random.default_rng(4)
+    query, *clips = (random.normal(size=(n, 3)).astype(np.float32) for n in (6, 9, 1, 4, 12, 7))
+    monkeypatch.setattr(dtw, "_CELLS", 2 * 6 * 12)  # two clips
+    expected = [clip_dtw(query, clip) for clip in clips]
+    for plainly in (True, False):
+        monkeypatch.setattr(dtw, "few", lambda cells, plainly=plainly: plainly)
+        np.testing.assert_allclose(clip_dtws(query, clips), expected, rtol=1e-5)

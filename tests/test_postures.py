@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from motionlake.arrays import Float32Array
+from motionlake.arrays import Float32Array, Float64Array
 from motionlake.pesta import clustering
-from motionlake.pesta.autoencoder import AutoencoderRecipe, recipe_of
-from motionlake.pesta.autoencoder_training import held_out, train_autoencoder
+from motionlake.pesta.autoencoder import AutoencoderRecipe, ClassTerm, PostureAutoencoder, recipe_of
+from motionlake.pesta.autoencoder_training import _step, held_out, train_autoencoder
 from motionlake.pesta.clustering import grid, kmeans, moved_by_rank, neural_gas, self_organising_map, whitened
 from motionlake.pesta.config import CLUSTERED, DICTIONARY_KEY, KINDS, DictionaryKind, PosturesConfig
 from motionlake.pesta.dictionary import PostureDictionary, load_dictionary
@@ -169,6 +170,34 @@ def test_neural_gas_that_looks_at_a_share_of_the_points_first_ends_where_all_of_
     whole = neural_gas(points, 60, 0.5, seed=0)
     assert not np.array_equal(shared, whole)
     assert error(shared) == pytest.approx(error(whole), rel=0.01)
+
+
+@pytest.mark.parametrize("classes", ["information", "critic"])
+def test_the_loss_of_a_step_is_its_terms_as_they_are_weighed(classes: ClassTerm) -> None:
+    torch.manual_seed(0)
+    network, rng = PostureAutoencoder(6, 5, 3, 8), np.random.default_rng(0)
+    network.scale.fill_(1.7)
+    postures = rng.normal(size=(7, 6)).astype(np.float32)
+    recipe = AutoencoderRecipe(
+        classes=classes, style=3, hidden=8, class_weight=0.7, sharpness=0.4, style_weight=0.2, from_head=0.5
+    )
+
+    def surely(judged: torch.Tensor) -> float:
+        return float(np.mean(np.log1p(np.exp(-judged.numpy().astype(np.float64)))))
+
+    def entropy(shares: Float64Array) -> float:
+        return float(-(shares * np.log(shares)).sum())
+
+    with torch.no_grad():
+        wanted = torch.from_numpy(postures)
+        y, z = network.encode(wanted)
+        by_code, by_head = network.decode(y @ network.heads + z), network.decode(network.heads[y.argmax(dim=1)])
+        expected = float((by_code - wanted).square().mean() + 0.5 * (by_head - wanted).square().mean()) / 1.7**2
+        shares = y.numpy().astype(np.float64)
+        informed = 0.4 * np.mean([entropy(row) for row in shares]) - entropy(shares.mean(axis=0))
+        expected += 0.7 * (informed if classes == "information" else surely(network.class_critic(y)))
+        expected += 0.2 * surely(network.style_critic(z))
+    assert _step(network, postures, recipe, rng, "cpu") == pytest.approx(expected, rel=1e-5)
 
 
 def test_training_repeats_and_resumes_to_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -29,6 +29,7 @@ from motionlake.stages import frames, ingest
 from motionlake.stages.frames import FRAMES, Intake
 from motionlake.stages.model_kind import ModelKind, Selection
 from motionlake.stages.posture_dictionary import POSTURE_DICTIONARY
+from motionlake.stages.postures import POSTURES
 from motionlake.stages.reader import LakeReader, lake_reader
 from motionlake.stages.source_files import SourceFile, content_hash
 from motionlake.stages.sources import IngestOptions, Root
@@ -348,6 +349,29 @@ def test_keys_are_those_that_lakes_hold() -> None:
     for shaping in ([], [config], [{"weights": "pretrained"}, "é", [1, None]]):
         for upstream in ("k", "0f" * 32, "", "é1", 'a"b', "a b"):
             assert SYMBOLS.key_of(upstream, shaping) == config_hash("symbols", SYMBOLS.version, upstream, *shaping)
+    key = "0123456789abcdef" * 4
+    assert SYMBOLS.file(key) == "staging/symbols-0123456789abcdef.parquet"
+    assert POSTURES.file(key) == "postures/0123456789abcdef.parquet"
+
+
+def test_clips_are_counted_and_their_names_hashed(made: Made) -> None:
+    with reader(made) as at:
+        found = [row[0].encode() for row in at.con.execute("SELECT clip FROM clips ORDER BY clip").fetchall()]
+        spelled = b"".join(b"%d:%s" % (len(name), name) for name in found)
+        assert at.clips() == (3, sha256(spelled).hexdigest())
+
+
+def test_a_folder_that_cannot_be_read_hides_no_other(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
+    scandir = os.scandir
+
+    def refused(folder: str) -> Any:
+        if Path(folder).name == "sub":
+            raise PermissionError(folder)
+        return scandir(folder)
+
+    monkeypatch.setattr(os, "scandir", refused)
+    intake = compared(made.lake.with_name("other"), made.root)
+    assert [file["path"] for shard in intake.shards for file in shard.spec["files"]] == ["a.txt", "b.txt", "z.npz"]
 
 
 def test_a_file_that_cannot_be_read_is_known_as_one_without_content(tmp_path: Path) -> None:
