@@ -19,7 +19,7 @@ from motionlake.matching.generator import MatchingGenerator
 from motionlake.matching.recordings import MatchingClip
 from motionlake.motion.generation import FPS, MotionRequest
 from motionlake.motion.resampling import interpolated
-from motionlake.motion.skeleton import body_poses, mirrored_positions
+from motionlake.motion.skeleton import PARENTS, body_poses, mirrored_positions
 
 from bench.classes import ACTIONS, CLASSES, GOING
 from bench.glogen import sets
@@ -27,6 +27,7 @@ from bench.glogen.controls import held, shuffled
 from bench.glogen.dense import HORIZON, apart
 from bench.glogen.material import frames_of
 from bench.made import blind, errors
+from bench.made.rigid import rigid
 from bench.made.splits import FOLDS, SPLITS, clips_of, offsets_of, parted, real, seed_of
 from bench.made.windows import SPACES, all_windows, copies, likeness, paces, windows
 from bench.record import recordings as folder_of_recordings
@@ -44,6 +45,20 @@ def test_six_actions_are_those_that_a_seed_draws(recordings: Path) -> None:
 def test_networks_and_matching_are_measured_by_the_same_clips(recordings: Path) -> None:
     assert {name: sets.SETS[name] for name in GOING} == dict(GOING)
     assert [clip.name for clip in sets.clips_of("run")] == [clip.name for clip in clips_of("run")]
+
+
+def test_rigid_recordings_have_the_bones_of_their_bodies_in_the_same_directions(recordings: Path) -> None:
+    motion, parents = real(clips_of("squat")[0]), np.array(PARENTS[1:])
+    kept = rigid(motion)
+    bones, before = (each.positions[:, 1:] - each.positions[:, parents] for each in (kept, motion))
+    lengths, recorded = np.linalg.norm(bones, axis=2), np.linalg.norm(before, axis=2)
+    assert (recorded.max(axis=0) > 1.2 * recorded.min(axis=0)).any(), "a depth sensor's bones change their length"
+    np.testing.assert_allclose(lengths, np.broadcast_to(np.linalg.norm(motion.rest_offsets[1:], axis=1), lengths.shape))
+    long = recorded > 1e-6
+    np.testing.assert_allclose((bones / lengths[..., None])[long], (before / recorded[..., None])[long], atol=1e-9)
+    np.testing.assert_array_equal(kept.positions[:, 0], motion.positions[:, 0])
+    walk = real(clips_of("walk")[0])
+    np.testing.assert_allclose(rigid(walk).positions, walk.positions, atol=1e-3)
 
 
 @pytest.mark.parametrize("split", ["salsa", "walk, other subjects", "actions, other subjects"])

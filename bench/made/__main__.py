@@ -1,7 +1,8 @@
-"""`python -m bench.made [table|errors|blind|judge] ...`: made motion beside real motion, on clips left out.
+"""`python -m bench.made [table|errors|rigid|blind|judge] ...`: made motion beside real motion, on clips left out.
 
 table: classes by motion matching and by networks beside their recordings: travel, energy, diversity, feet, coverage and
 density beside those of known clips, copies. errors: what follows the given poses after 80 to 640 ms, beside baselines.
+rigid: recordings whose bones keep their length beside the recordings, for no made motion's bones change theirs.
 blind FOLDER: a page of pairs, real and made, with the key in a file of its own. judge FOLDER: how often the guesses of
 guesses.csv there are right.
 """
@@ -18,7 +19,7 @@ from motionlake.evaluation.synthesis.errors import MILLISECONDS
 
 from bench.classes import CLASSES
 from bench.glogen.dense import means
-from bench.made import blind, errors, table
+from bench.made import blind, errors, rigid, table
 from bench.made.generators import RECIPES
 from bench.made.splits import FOLDS, SPLITS
 from bench.record import hash_files, record, recordings
@@ -104,6 +105,13 @@ def _errors(given: argparse.Namespace) -> None:
     _recorded("errors", measure_errors(given), given.keep)
 
 
+def _rigid(given: argparse.Namespace) -> None:
+    found = rigid.measure(given.splits or list(SPLITS))
+    for label, row in found.items():
+        print(f"  {label}: " + " ".join(f"{name} {ratio:.3f}" for name, ratio in row["ratio"].items()))
+    _recorded("rigid", found)
+
+
 def _folder(given: argparse.Namespace) -> Path:
     if given.folder is None:
         raise SystemExit(f"{given.part} needs a folder")
@@ -124,7 +132,7 @@ def _judge(given: argparse.Namespace) -> None:
     _recorded("judged", found)
 
 
-PARTS: Final = {"table": _table, "errors": _errors, "blind": _blind, "judge": _judge}
+PARTS: Final = {"table": _table, "errors": _errors, "rigid": _rigid, "blind": _blind, "judge": _judge}
 
 
 if __name__ == "__main__":
