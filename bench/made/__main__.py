@@ -46,10 +46,7 @@ def _lines(rows: Mapping[str, Found]) -> list[str]:
     for label, row in rows.items():
         ratios = " ".join(f"{name} {row['ratio'].get(name, float('nan')):.3f}" for name in SCORES)
         feet = " ".join(f"{name} {row['made'][name]:.3f}/{row['real'][name]:.3f}" for name in table.WORST[:2])
-        likeness = " ".join(
-            f"{start} {space} " + "/".join(f"{one['share'][name]:.2f}" for name in table.SHARES)
-            for start, spaces in row["likeness"].items() for space, one in spaces.items()
-        )  # fmt: skip
+        likeness = " ".join(f"{start} {_covered(spaces)}" for start, spaces in row["likeness"].items())
         shown.append(f"  {label}: {ratios} {feet} {likeness}")
     return shown
 
@@ -106,10 +103,17 @@ def _errors(given: argparse.Namespace) -> None:
 
 
 def _rigid(given: argparse.Namespace) -> None:
-    found = rigid.measure(given.splits or list(SPLITS))
-    for label, row in found.items():
-        print(f"  {label}: " + " ".join(f"{name} {ratio:.3f}" for name, ratio in row["ratio"].items()))
+    found = {name: rigid.measure(name) for name in given.splits or SPLITS}
+    for label, row in (each for rows in found.values() for each in rows.items()):
+        ratios = " ".join(f"{name} {ratio:.3f}" for name, ratio in row["ratio"].items())
+        print(f"  {label}: {ratios} {_covered(row['likeness'])}")
     _recorded("rigid", found)
+
+
+def _covered(likeness: Mapping[str, Any]) -> str:
+    return " ".join(
+        f"{space} " + "/".join(f"{one['share'][name]:.2f}" for name in table.SHARES) for space, one in likeness.items()
+    )
 
 
 def _folder(given: argparse.Namespace) -> Path:

@@ -8,13 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from motionlake.evaluation.synthesis.motions import Stretch
 from motionlake.motion.skeleton import PARENTS
 
-from bench.made.splits import SPLITS, clips_of, real
-from bench.made.table import RATIOS, measures, since
+from bench.canonical_sets import LabelledClip
+from bench.made.splits import SPLITS, clips_of, folds, real
+from bench.made.table import RATIOS, measures, shares, since
+from bench.made.windows import SPACES, likeness
 from bench.units import Found
 
 
@@ -30,12 +33,23 @@ def rigid(motion: Stretch) -> Stretch:
     return replace(motion, positions=positions)
 
 
-def measure(splits: Sequence[str]) -> dict[str, Found]:
-    """{class: measures of its recordings, of the rigid ones, and the ratios of these to those}."""
+def measure(split: str) -> dict[str, Found]:
+    """{class: measures of its recordings, of the rigid ones, the ratios of these to those, and how rigid known
+    recordings cover unseen ones, as a share of what the known ones reach as they are}."""
     found: dict[str, Found] = {}
-    for label in dict.fromkeys(label for name in splits for label in SPLITS[name].classes):
+    dealt = [(known, test) for _, known, test in folds(split)]
+    for label in SPLITS[split].classes:
         recorded = [real(clip, since(clip)) for clip in clips_of(label)]
         plain, kept = measures(recorded), measures([rigid(motion) for motion in recorded])
-        ratios = {name: kept[name] / plain[name] for name in RATIOS if plain[name]}
-        found[label] = {"recorded": plain, "rigid": kept, "ratio": ratios}
+        found[label] = {
+            "recorded": plain, "rigid": kept,
+            "ratio": {name: kept[name] / plain[name] for name in RATIOS if plain[name]},
+            "likeness": shares([_likeness(label, *both) for both in dealt]),
+        }  # fmt: skip
     return found
+
+
+def _likeness(label: str, known: Sequence[LabelledClip], test: Sequence[LabelledClip]) -> dict[str, Any]:
+    learned, unseen = ([real(c, since(c)) for c in some if c.label == label] for some in (known, test))
+    kept = [rigid(motion) for motion in learned]
+    return {name: likeness(unseen, learned, kept, space) for name, space in SPACES.items()}
