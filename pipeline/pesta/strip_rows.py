@@ -75,8 +75,8 @@ def next_row(
         ways = []
         for p in range(1, w + 1):
             cells = [rows[k - 1][p - k] for k in range(p, 0, -1) if k <= most]
-            cost, *carried = _first_of_all(builder, [*cells, beside[p]])
-            ways.append([builder.fadd(cost, read.penalty(arguments[6], p)), *carried])
+            cost, *others = _first_of_all(builder, [*cells, beside[p]])
+            ways.append([builder.fadd(cost, read.penalty(arguments[6], p)), *others])
         own = _first_of_all(builder, ways)
         for place, value in zip(places, own, strict=True):
             read.put(place, value)

@@ -13,7 +13,6 @@ from motionlake.pesta.lanes import LANES, ROWS
 from numba import types
 from numba.extending import intrinsic, models, register_model
 
-_FLOATS = ir.VectorType(ir.FloatType(), LANES)
 _FLOAT_ROWS = ir.VectorType(ir.FloatType(), ROWS)
 _INT32 = ir.IntType(32)
 _INT64 = ir.IntType(64)
