@@ -194,7 +194,7 @@ def test_the_loss_of_a_step_is_its_terms_as_they_are_weighed(classes: ClassTerm)
         by_code, by_head = network.decode(y @ network.heads + z), network.decode(network.heads[y.argmax(dim=1)])
         expected = float((by_code - wanted).square().mean() + 0.5 * (by_head - wanted).square().mean()) / 1.7**2
         shares = y.numpy().astype(np.float64)
-        informed = 0.4 * np.mean([entropy(row) for row in shares]) - entropy(shares.mean(axis=0))
+        informed = 0.4 * float(np.mean([entropy(row) for row in shares])) - entropy(shares.mean(axis=0))
         expected += 0.7 * (informed if classes == "information" else surely(network.class_critic(y)))
         expected += 0.2 * surely(network.style_critic(z))
     assert _step(network, postures, recipe, rng, "cpu") == pytest.approx(expected, rel=1e-5)
