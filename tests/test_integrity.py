@@ -14,9 +14,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from motionlake.errors import DamagedError
 from motionlake.lake import integrity
-from motionlake.lake.catalog import fetch, writing
+from motionlake.lake.catalog import fetch, reading, writing
 from motionlake.lake.catalog_file import read_sums
-from motionlake.lake.file_list import list_files, sums_of
+from motionlake.lake.file_list import list_files, listed_in, sums_of
 from motionlake.lake.integrity import sound, sound_while
 from motionlake.lake.layout import Lake, open_lake
 from motionlake.lake.loaded import loaded
@@ -44,6 +44,25 @@ def flip(path: Path, place: int = -1) -> None:
 
 def cut(path: Path) -> None:
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+def test_what_was_touched_is_what_a_look_at_each_file_tells(lake: Path) -> None:
+    at = open_lake(lake)
+    with reading(at) as con:
+        listed = listed_in(con)
+        assert integrity.faults_of_now(at) == integrity.touched_faults(at, listed.values()) == []
+        frames, model, dated, flipped = (
+            next(file for file in sorted(listed) if file.startswith(f"{folder}/"))
+            for folder in ("frames", "models", "features", "assigned")
+        )
+        cut(lake / frames)
+        (lake / model).unlink()
+        os.utime(lake / dated)
+        flip(lake / flipped)
+        os.utime(lake / flipped)
+        found = integrity.faults_of_now(at)
+        assert found == integrity.touched_faults(at, listed.values())
+        assert {file.file for file, _ in found} == {frames, model, flipped}
 
 
 @pytest.mark.parametrize("hurt", [flip, cut, Path.unlink], ids=["flip", "cut", "delete"])

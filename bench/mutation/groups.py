@@ -89,6 +89,7 @@ GROUPS: Final[Mapping[str, Mapping[str, Module]]] = {
         "pipeline/lake/config.py": Module(_KEYS, ("config_hash",)),
         "pipeline/lake/models.py": Module(_KEYS, ("current_model", "fitting_model", "file_hash")),
         "pipeline/stages/stage.py": Module(_KEYS),
+        "pipeline/stages/key_cache.py": Module(_KEYS),
         "pipeline/stages/model_kind.py": Module(_KEYS),
         "pipeline/stages/reader.py": Module(_KEYS),
         "pipeline/stages/frames.py": Module(

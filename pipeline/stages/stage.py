@@ -6,12 +6,10 @@ covers stage, version, configuration and input; what is not recorded under its k
 
 from __future__ import annotations
 
-import hashlib
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
@@ -22,6 +20,7 @@ from motionlake.lake.file_list import FileSums
 from motionlake.lake.layout import Lake
 from motionlake.lake.merging import Order, merge_parts
 from motionlake.lake.parts import PartWriter, check_part, replacing
+from motionlake.stages.key_cache import PartKeys, keys_of_parts
 from motionlake.stages.model_kind import ModelKind
 from motionlake.stages.reader import LakeReader
 
@@ -185,29 +184,6 @@ def clips_of(con: Connection, part: str) -> list[str]:
     return [r["clip"] for r in fetch(con, "part_clips", {"part": part})]
 
 
-class _Keys(dict[str, str]):
-    """What `config_hash` gives of a stage, its version, the key of what it reads and the values whose canonical JSON is
-    `shaping`, by that key; each worked out once, for a command asks a dozen times for those of all parts."""
-
-    def __init__(self, stage: str, version: int, shaping: str) -> None:
-        super().__init__()
-        self._before = f"{canonical_json([stage, version])[:-1]},"
-        self._after = "]" if shaping == "[]" else f",{shaping[1:]}"
-
-    def __missing__(self, upstream: str) -> str:
-        # JSON spells keys, which are hexadecimal, as they stand.
-        told = f'"{upstream}"' if upstream.isascii() and upstream.isalnum() else canonical_json(upstream)
-        spelled = f"{self._before}{told}{self._after}"
-        self[upstream] = found = hashlib.sha256(spelled.encode()).hexdigest()
-        return found
-
-
-@lru_cache
-def _keys_of(stage: str, version: int, shaping: str) -> _Keys:
-    """Of a stage, for this process."""
-    return _Keys(stage, version, shaping)
-
-
 def part_keys(clip: str, shard: Shard, count: int) -> list[pa.Array]:
     """The columns `PART_KEYS` of so many rows of a clip."""
     return [pa.repeat(pa.scalar(value), count) for value in (clip, shard.part, shard.key)]
@@ -285,8 +261,8 @@ class PartStage(ShardStage):
         keys = remembered(lake, "keys of parts", _keys_of_frames)
         return {part: self.file(self.key_of(keys[part], shaping)) for part in set(parts) if part in keys}
 
-    def _keys(self, shaping: Sequence[Any]) -> _Keys:
-        return _keys_of(self.name, self.version, canonical_json([plain(value) for value in shaping]))
+    def _keys(self, shaping: Sequence[Any]) -> PartKeys:
+        return keys_of_parts(self.name, self.version, canonical_json([plain(value) for value in shaping]))
 
     def plan(self, at: LakeReader) -> list[Shard]:
         done = at.done(self.name)
