@@ -103,7 +103,7 @@ def _errors(given: argparse.Namespace) -> None:
 
 
 def _rigid(given: argparse.Namespace) -> None:
-    found = {name: rigid.measure(name) for name in given.splits or SPLITS}
+    found = {name: rigid.measure(name, given.folds) for name in given.splits or SPLITS}
     for label, row in (each for rows in found.values() for each in rows.items()):
         ratios = " ".join(f"{name} {ratio:.3f}" for name, ratio in row["ratio"].items())
         print(f"  {label}: {ratios} {_covered(row['likeness'])}")

@@ -33,11 +33,11 @@ def rigid(motion: Stretch) -> Stretch:
     return replace(motion, positions=positions)
 
 
-def measure(split: str) -> dict[str, Found]:
+def measure(split: str, chosen: Sequence[int]) -> dict[str, Found]:
     """{class: measures of its recordings, of the rigid ones, the ratios of these to those, and how rigid known
     recordings cover unseen ones, as a share of what the known ones reach as they are}."""
     found: dict[str, Found] = {}
-    dealt = [(known, test) for _, known, test in folds(split)]
+    dealt = [(known, test) for _, known, test in folds(split, chosen)]
     for label in SPLITS[split].classes:
         recorded = [real(clip, since(clip)) for clip in clips_of(label)]
         plain, kept = measures(recorded), measures([rigid(motion) for motion in recorded])
