@@ -27,8 +27,7 @@ from bench.glogen.controls import held, shuffled
 from bench.glogen.dense import HORIZON, apart
 from bench.glogen.material import frames_of
 from bench.made import blind, errors
-from bench.made.rigid import rigid
-from bench.made.splits import FOLDS, SPLITS, clips_of, offsets_of, parted, real, seed_of
+from bench.made.splits import FOLDS, SPLITS, clips_of, offsets_of, parted, real, rigid, seed_of
 from bench.made.windows import SPACES, all_windows, copies, likeness, paces, windows
 from bench.record import recordings as folder_of_recordings
 

@@ -16,11 +16,12 @@ from motionlake.evaluation.synthesis.contact import footing
 from motionlake.evaluation.synthesis.movement import bone_length_drift, energy, travel_speed
 from motionlake.matching.database import MotionDatabase, build_database
 from motionlake.matching.features import features, mirrored_features
-from motionlake.matching.feet import Soles, heights_standing, on_ground
+from motionlake.matching.feet import HIGH, Soles, heights_standing, on_ground
+from motionlake.matching.flights import LEVELS
 from motionlake.matching.generator import MatchingGenerator, load_generator
 from motionlake.matching.inertia import decayed, joined_points, joined_rotations
 from motionlake.matching.played import AGAIN, UNEVEN, Played
-from motionlake.matching.recordings import MatchingClip, aloft, rooted, sound_ranges
+from motionlake.matching.recordings import FEET, MatchingClip, aloft, rooted, sound_ranges
 from motionlake.matching.search import distances
 from motionlake.motion.generation import FPS, Control, GeneratedMotion, MotionRequest
 from motionlake.motion.ground import Ground, ground_of, levelled
@@ -105,6 +106,25 @@ def test_a_foot_that_is_held_back_too_far_stands_on_its_toes(made_by: MatchingGe
     ankles = joints[:, [INDEX["left_ankle"], INDEX["right_ankle"]], 1]
     assert ankles.max() - lowest[0] > 0.02  # some leg is too short
     assert toes.max() - toes.min() < 0.01
+
+
+def test_a_body_that_a_sensor_lifts_for_some_frames_stays_on_the_ground(made_by: MatchingGenerator) -> None:
+    """Of a depth sensor bones grow and shrink: hips rise while feet stay, which bones of one length cannot."""
+    seed = seed_of(clips_of("walk")[left_out("walk", 1)])
+    assert seed.rotations is not None
+    body, size = seed.rest_offsets, body_length(seed.rest_offsets)
+    rotations = np.repeat(seed.rotations[30:31], 31, axis=0)
+    hips = np.repeat(seed.positions[30:31, 0], 31, axis=0)
+    lowest = heights_standing(forward_kinematics(hips, rotations, body), 0.0)
+    hips[3:7, 1] += 0.08 * size
+    near, stands_on = np.ones(31, dtype=bool), np.zeros((31, 4), dtype=bool)
+    no_flight = np.zeros((31, len(LEVELS)))
+    moved, planted = on_ground(hips, rotations, body, stands_on, Soles(lowest, 0.0), size, near, no_flight)
+    feet = forward_kinematics(moved, planted, body)[:, [INDEX[name] for name in FEET], 1]
+    above = (feet - lowest).min(axis=1)
+    assert above.max() < (HIGH + 0.005) * size
+    assert above.min() > -0.005 * size
+    assert abs(moved[0, 1] - hips[0, 1]) < 0.001  # what is given does not jump
 
 
 def test_the_search_is_a_naive_one(made_by: MatchingGenerator) -> None:

@@ -47,7 +47,9 @@ def _lines(rows: Mapping[str, Found]) -> list[str]:
         ratios = " ".join(f"{name} {row['ratio'].get(name, float('nan')):.3f}" for name in SCORES)
         feet = " ".join(f"{name} {row['made'][name]:.3f}/{row['real'][name]:.3f}" for name in table.WORST[:2])
         likeness = " ".join(f"{start} {_covered(spaces)}" for start, spaces in row["likeness"].items())
+        kept = " ".join(f"{name} {row['rigid']['ratio'].get(name, float('nan')):.3f}" for name in SCORES[:3])
         shown.append(f"  {label}: {ratios} {feet} {likeness}")
+        shown.append(f"    beside rigid: {kept} {_covered(row['rigid']['likeness']['from_unseen'])}")
     return shown
 
 

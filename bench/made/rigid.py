@@ -7,30 +7,12 @@ bone here keeps its direction and gets the length that it has in the body, as in
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
-import numpy as np
-from motionlake.evaluation.synthesis.motions import Stretch
-from motionlake.motion.skeleton import PARENTS
-
 from bench.canonical_sets import LabelledClip
-from bench.made.splits import SPLITS, clips_of, folds, real
-from bench.made.table import RATIOS, measures, shares, since
-from bench.made.windows import SPACES, likeness
+from bench.made.splits import SPLITS, clips_of, folds, real, rigid
+from bench.made.table import RATIOS, measures, shares, since, spaces
 from bench.units import Found
-
-
-def rigid(motion: Stretch) -> Stretch:
-    """The motion by bones of its body's lengths."""
-    positions = motion.positions.copy()
-    lengths = np.linalg.norm(motion.rest_offsets, axis=1)
-    for joint, parent in enumerate(PARENTS):
-        if parent >= 0:
-            bones = motion.positions[:, joint] - motion.positions[:, parent]
-            directions = bones / np.maximum(np.linalg.norm(bones, axis=1, keepdims=True), 1e-9)
-            positions[:, joint] = positions[:, parent] + lengths[joint] * directions
-    return replace(motion, positions=positions)
 
 
 def measure(split: str, chosen: Sequence[int]) -> dict[str, Found]:
@@ -51,5 +33,4 @@ def measure(split: str, chosen: Sequence[int]) -> dict[str, Found]:
 
 def _likeness(label: str, known: Sequence[LabelledClip], test: Sequence[LabelledClip]) -> dict[str, Any]:
     learned, unseen = ([real(c, since(c)) for c in some if c.label == label] for some in (known, test))
-    kept = [rigid(motion) for motion in learned]
-    return {name: likeness(unseen, learned, kept, space) for name, space in SPACES.items()}
+    return spaces(unseen, learned, [rigid(motion) for motion in learned])

@@ -7,12 +7,14 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import Final, Literal
 
+import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.evaluation.synthesis.motions import Stretch
 from motionlake.matching.recordings import sound_ranges
 from motionlake.motion.generation import FPS, GeneratedMotion, SeedClip
 from motionlake.motion.ground import Ground, ground_of
 from motionlake.motion.resampling import resample
+from motionlake.motion.skeleton import PARENTS
 
 from bench.canonical_sets import LabelledClip, read
 from bench.classes import ACTIONS, CLASSES, GOING
@@ -93,6 +95,18 @@ def real(clip: LabelledClip, start: int = 0) -> Stretch:
         frozenset({clip.name}), clip.label, resample(clip.positions[start:].astype(float), clip.fps, FPS), FPS,
         offsets_of(clip), ground(clip), clip.rotations[start:],
     )  # fmt: skip
+
+
+def rigid(motion: Stretch) -> Stretch:
+    """The motion by bones of its body's lengths: a depth sensor's change theirs, and made motion cannot."""
+    positions = motion.positions.copy()
+    lengths = np.linalg.norm(motion.rest_offsets, axis=1)
+    for joint, parent in enumerate(PARENTS):
+        if parent >= 0:
+            bones = motion.positions[:, joint] - motion.positions[:, parent]
+            directions = bones / np.maximum(np.linalg.norm(bones, axis=1, keepdims=True), 1e-9)
+            positions[:, joint] = positions[:, parent] + lengths[joint] * directions
+    return replace(motion, positions=positions)
 
 
 def made_from(made: GeneratedMotion, clip: LabelledClip) -> Stretch:

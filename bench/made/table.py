@@ -17,7 +17,7 @@ from motionlake.motion.skeleton import body_poses
 from bench.canonical_sets import LabelledClip
 from bench.classes import GOING
 from bench.made.generators import generator, go_on
-from bench.made.splits import FOLDS, SPLITS, folds, made_from, real
+from bench.made.splits import FOLDS, SPLITS, folds, made_from, real, rigid
 from bench.made.windows import SPACES, copies, likeness
 from bench.units import Found
 
@@ -96,12 +96,14 @@ def alike(unseen: list[Stretch], learned: list[Stretch], made: list[Stretch], ag
     """Likeness of what goes on from unseen clips and of what goes on from known ones, and copies."""
     starts = {"from_unseen": made, "from_known": again}
     return {
-        **{
-            start: {name: likeness(unseen, learned, some, space) for name, space in SPACES.items()}
-            for start, some in starts.items()
-        },
+        **{start: spaces(unseen, learned, some) for start, some in starts.items()},
         "copies": copies(unseen, learned, made),
     }
+
+
+def spaces(unseen: list[Stretch], learned: list[Stretch], made: list[Stretch]) -> dict[str, Any]:
+    """Likeness by space."""
+    return {name: likeness(unseen, learned, made, space) for name, space in SPACES.items()}
 
 
 def measures(motions: Sequence[Stretch]) -> dict[str, float]:
@@ -134,19 +136,28 @@ def diversity(motions: Sequence[Stretch]) -> float:
 def _figures(unit: Unit, label: str, seeds: Sequence[Motions]) -> Found:
     rows = [measures(each.all_made) for each in seeds]
     made, other = mean(rows), mean([measures(each.real) for each in seeds])
-    likenesses, known_rows = [], []
+    kept = mean([measures([rigid(motion) for motion in each.real]) for each in seeds])
+    likenesses, beside_rigid, known_rows = [], [], []
     for fold, known, test in folds(unit.split, unit.folds):
         maker = generator(unit.recipe, unit.split, fold, unit.epochs, unit.generators)
         learned, unseen = ([real(c, since(c)) for c in some if c.label == label] for some in (known, test))
         known_rows.append(measures(learned))
         of_all_seeds = [motion for each in seeds for motion in each.made[fold]]
-        likenesses.append(alike(unseen, learned, of_all_seeds, from_known(maker, known, label)))
+        again = from_known(maker, known, label)
+        likenesses.append(alike(unseen, learned, of_all_seeds, again))
+        unseen_rigid, known_rigid = ([rigid(motion) for motion in some] for some in (unseen, learned))
+        sides = zip(STARTS, (of_all_seeds, again), strict=True)
+        beside_rigid.append({start: spaces(unseen_rigid, known_rigid, some) for start, some in sides})
     known_mean = mean(known_rows)
     return {
         "made": made, "real": other, "known": known_mean, "by_seed": rows,
         "ratio": {name: made[name] / other[name] for name in RATIOS if other[name]},
         "known_ratio": {name: known_mean[name] / other[name] for name in RATIOS if other[name]},
         "likeness": {start: shares([one[start] for one in likenesses]) for start in STARTS},
+        "rigid": {
+            "real": kept, "ratio": {name: made[name] / kept[name] for name in RATIOS if kept[name]},
+            "likeness": {start: shares([one[start] for one in beside_rigid]) for start in STARTS},
+        },
         "copies": mean([one["copies"] for one in likenesses if one["copies"]]),
         "runs": runs([one for each in seeds for one in each.raw]),
     }  # fmt: skip

@@ -11,22 +11,25 @@ from typing import Any, Final
 import numpy as np
 from motionlake.arrays import BoolArray, Float32Array, Float64Array, Int64Array
 from motionlake.matching.features import AHEAD, PLACES, POSE, VELOCITIES, features, mirrored_features, scales
+from motionlake.matching.flights import longest_flights
 from motionlake.matching.recordings import (
+    FEET,
     FPS,
     SHORTEST,
     MatchingClip,
     RootedMotion,
+    clearance,
     rooted,
     sound_ranges,
 )
 from motionlake.motion.ground import ground_of, levelled
 from motionlake.motion.rotations import turn_on_ground
 from motionlake.motion.sides import names_a_side, unlike_mirrored
-from motionlake.motion.skeleton import JOINTS, body_length
+from motionlake.motion.skeleton import INDEX, JOINTS, body_length
 from motionlake.weights import read_tensors, save_tensors
 
 METADATA_KEY: Final = "matching_database"
-VERSION: Final = 2  # 2: floors are level, and it is known how long a body is in the air
+VERSION: Final = 3  # 2: floors are level, how long a body is in the air; 3: the longest flight to fractions of a frame
 MOST_FRAMES: Final = 200_000  # at 30 a second; of more, pieces are drawn
 APART: Final = 3  # frames: poses so near in time are joined and nobody sees it
 LEAST_SPEED: Final = 0.3  # body lengths a second: a class whose frames mostly go faster gets about
@@ -35,7 +38,7 @@ ACTION: Final = 150  # frames that half of the recordings of an action have at m
 RESTING: Final = 5  # last frames of a recording, in which its mean squared speed is less than this share of the class's
 RESTS: Final = 0.2
 QUANTILES: Final = (0.05, 0.5, 0.95)  # of the speeds of a class that metrics tell, metres a second
-_TENSORS: Final = ("rotations", "hips", "steps", "turns", "stands", "aloft", "features", "pieces", "fps")
+_TENSORS: Final = ("rotations", "hips", "steps", "turns", "stands", "aloft", "flights", "features", "pieces", "fps")
 
 
 @dataclass(frozen=True)
@@ -53,6 +56,7 @@ class MotionDatabase:
         turns: [N] of the root's heading to the next frame, radians a second.
         stands: [N, 4] whether ankle and toe stand, left and right.
         aloft: [N] frames for which no foot was near the ground.
+        flights: [C, L] frames of the longest flight of each class (`flights.longest_flights`).
         features: [N, 48].
         metrics: of how it was made.
     """
@@ -67,6 +71,7 @@ class MotionDatabase:
     turns: Float32Array
     stands: BoolArray
     aloft: Float32Array
+    flights: Float64Array
     features: Float32Array
     metrics: dict[str, Any]
 
@@ -136,6 +141,11 @@ class MotionDatabase:
     def longest_flight(self, target: int) -> float:
         """Frames of the longest time off the ground that is recorded of a class."""
         return float(self.aloft[self.frames[target]].max())
+
+    @cached_property
+    def longest_flights(self) -> Float64Array:
+        """[N, L] of every frame the frames of the longest flight of its class."""
+        return np.asarray(self.flights[self.pieces[self.piece_of, 2]])
 
     @cached_property
     def tolerance(self) -> float:
@@ -221,6 +231,7 @@ def build_database(clips: Sequence[MatchingClip], seed: int = 0, most: int = MOS
         _joined([m.rotations for m in motions]), _joined([m.hips for m in motions]),
         _joined([s[:, :2] for s in steps]), _joined([s[:, 2] for s in steps]),
         np.concatenate([m.stands for m in motions]), _joined([m.aloft for m in motions]),
+        np.array([np.max([_flown(p.motion) for p in kept if p.label == name], axis=0) for name in classes]),
         _joined([features(m) for m in motions]),
         {"frames": int(stops[-1]), "pieces": len(kept), "classes": len(classes), "clips": len({p.clip for p in kept})},
     )  # fmt: skip
@@ -256,6 +267,10 @@ def _pieces(clip: MatchingClip) -> list[_Piece]:
         motion = rooted(positions[start:stop], rotations[start:stop], clip.rest_offsets, clip.fps)
         found.append(_Piece(clip.clip, clip.start + start, clip.label, clip.fps, size, motion))
     return found
+
+
+def _flown(motion: RootedMotion) -> Float64Array:
+    return longest_flights(clearance(motion.joints[:, [INDEX[name] for name in FEET]]))
 
 
 def _joined(rows: Sequence[Any]) -> Float32Array:

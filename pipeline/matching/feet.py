@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from motionlake.arrays import BoolArray, Float64Array
-from motionlake.matching.recordings import FEET
+from motionlake.arrays import BoolArray, Float64Array, FloatArray, Int64Array
+from motionlake.matching.flights import too_long
+from motionlake.matching.recordings import FEET, NEAR
 from motionlake.motion.kinematics import forward_kinematics, local_rotations, world_rotations
 from motionlake.motion.rotations import multiply, swing
 from motionlake.motion.skeleton import INDEX
@@ -51,6 +52,7 @@ def on_ground(
     soles: Soles,
     size: float,
     near: BoolArray | None = None,
+    longest: Float64Array | None = None,
 ) -> tuple[Float64Array, Float64Array]:
     """A motion whose feet stand on the ground where they stand, neither sliding nor below it.
 
@@ -62,6 +64,8 @@ def on_ground(
         soles: how they stand.
         size: metres of a body length.
         near: [T] whether a foot was near the ground as recorded: there a join lifts the body by no more than `HIGH`.
+        longest: [T, L] frames for which a body may be off the ground (`flights.too_long`): a longer flight, as one that
+            is joined of two, is lowered.
 
     Returns:
         Hips [T, 3] and local rotations [T, 21, 4].
@@ -72,17 +76,25 @@ def on_ground(
     # The floor of a recording is not even: what the given feet stand on passes into the ground.
     floor = max(soles.floor or 0.0, -LOWEST * size) * np.exp(-math.log(2) / FLOOR * frames)
     settled = _settled(above - floor[:, None], stands, SETTLE)
-    begun = np.ones(len(hips)) if soles.floor is None else 0.5 - 0.5 * np.cos(np.pi * np.clip(frames / EASE, 0, 1))
-    settled *= begun
+    given = np.zeros(len(hips)) if soles.floor is None else _fading(frames, EASE)
+    settled -= given * settled[0]
     moved = hips.copy()
     moved[:, 1] -= settled
     planted = _planted(moved, rotations, rest_offsets, stands, soles, floor, size)
-    sunk = _sunk(moved, planted, rest_offsets, soles.lowest + np.minimum(floor, 0.0)[:, None])
-    high = _floating(moved, planted, rest_offsets, soles.lowest + floor[:, None] + HIGH * size, near)
-    if max(sunk.max(), high.max()) < DEEP:
+    feet = forward_kinematics(moved, planted, rest_offsets)[:, [INDEX[name] for name in FEET], 1] - soles.lowest
+    lifted = _spread(np.maximum(0.0, (np.minimum(floor, 0.0)[:, None] - feet).max(axis=1)))
+    lowest = feet.min(axis=1) + lifted - floor
+    lowered = np.zeros(len(hips)) if near is None else _spread(_high(lowest, floor, size, near, longest))
+    lowered = np.minimum(lowered, np.maximum(0.0, lowest))  # onto the ground, not into it
+    if max(lifted.max(), lowered.max()) < DEEP:
         return moved, planted
-    moved[:, 1] += _spread(sunk) - _spread(high) * begun
+    moved[:, 1] += lifted - lowered
     return moved, _planted(moved, rotations, rest_offsets, stands, soles, floor, size)
+
+
+def _fading(frames: FloatArray | Int64Array, count: int) -> Float64Array:
+    """[T] from 1 to 0 within so many frames."""
+    return np.asarray(0.5 + 0.5 * np.cos(np.pi * np.clip(frames / count, 0, 1)))
 
 
 def _spread(metres: Float64Array) -> Float64Array:
@@ -90,23 +102,14 @@ def _spread(metres: Float64Array) -> Float64Array:
     return np.asarray(gaussian_filter1d(maximum_filter1d(metres, round(4 * SMOOTH) + 1), SMOOTH))
 
 
-def _floating(
-    hips: Float64Array, rotations: Float64Array, rest_offsets: Float64Array, highest: Float64Array,
-    near: BoolArray | None,
-) -> Float64Array:  # fmt: skip
-    """[T] metres by which all feet are higher than `highest` [T, 4] where one was near the ground as recorded."""
-    if near is None:
-        return np.zeros(len(hips))
-    feet = forward_kinematics(hips, rotations, rest_offsets)[:, [INDEX[name] for name in FEET], 1]
-    return np.where(near, np.maximum(0.0, (feet - highest).min(axis=1)), 0.0)
-
-
-def _sunk(
-    hips: Float64Array, rotations: Float64Array, rest_offsets: Float64Array, lowest: Float64Array
+def _high(
+    lowest: Float64Array, floor: Float64Array, size: float, near: BoolArray, longest: Float64Array | None
 ) -> Float64Array:
-    """[T] metres by which a foot is below the ground for all that a leg can bend."""
-    feet = forward_kinematics(hips, rotations, rest_offsets)[:, [INDEX[name] for name in FEET], 1]
-    return np.asarray(np.maximum(0.0, (lowest - feet).max(axis=1)))
+    """[T] metres by which a body is lowered whose lowest foot is so high [T] above a floor [T]: to `HIGH` above the
+    ground where a foot was near it as recorded, and in flights that are longer than `longest` [T, L].
+    """
+    down = np.where(near, np.maximum(0.0, lowest - np.maximum(0.0, HIGH * size - floor)), 0.0)
+    return down if longest is None else np.maximum(down, size * too_long(lowest / size - NEAR, longest))
 
 
 def _planted(
@@ -156,9 +159,8 @@ def _from_given(change: Float64Array, standing: BoolArray) -> Float64Array:
     """Changes [T, 3] of a foot that begin with none: a foot that stands stays where the given frames have it."""
     first = len(standing) if standing.all() else int(np.argmin(standing))
     frames = np.arange(len(change))
-    after = np.clip((frames - max(0, first - 1)) / BLEND, 0, 1)
-    begun = change - (0.5 + 0.5 * np.cos(np.pi * after))[:, None] * change[0] * np.array([1.0, 0.0, 1.0])
-    begun[:, 1] *= np.clip(frames / BLEND, 0, 1)
+    begun = change - _fading(frames - max(0, first - 1), BLEND)[:, None] * change[0] * np.array([1.0, 0.0, 1.0])
+    begun[:, 1] -= _fading(frames, BLEND) * change[0, 1]
     return np.asarray(begun)
 
 

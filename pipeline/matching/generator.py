@@ -118,8 +118,9 @@ class MatchingGenerator:
         poses = assembled(self.database, course, shown)
         hips, rotations = in_world(poses, course, size)
         soles = Soles(given.lowest, None if shown is None else given.floor)
-        near = self.database.aloft[course.at.astype(int)] == 0
-        hips, rotations = on_ground(hips, rotations, body, poses.stands, soles, size, near)
+        frames = course.at.astype(int)
+        near, longest = self.database.aloft[frames] == 0, self.database.longest_flights[frames] / request.pace
+        hips, rotations = on_ground(hips, rotations, body, poses.stands, soles, size, near, longest)
         hips[:, 1] += given.motion.ground
         positions = forward_kinematics(hips, rotations, body)
         starts = tuple(part.first for part in parts)

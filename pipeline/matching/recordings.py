@@ -163,10 +163,16 @@ def standing(feet: Float64Array) -> BoolArray:
 
 def aloft(feet: Float64Array) -> Float64Array:
     """[T] frames since one of the joints [T, 4, 3] of feet was near the ground: 0 while one is."""
-    frames, lowest = np.arange(len(feet)), np.quantile(feet[..., 1], GROUND, axis=0)
-    lowest = np.tile(np.minimum(lowest[:2], lowest[2:]), 2)  # of ankles and of toes, both sides
-    down = np.where((feet[..., 1] - lowest < NEAR).any(axis=1), frames, -1)
+    frames = np.arange(len(feet))
+    down = np.where(clearance(feet) < 0, frames, -1)
     return np.asarray(frames - np.maximum(np.maximum.accumulate(down), 0), dtype=float)
+
+
+def clearance(feet: Float64Array) -> Float64Array:
+    """[T] of the lowest of the joints [T, 4, 3] of feet above where it counts as near the ground, body lengths."""
+    lowest = np.quantile(feet[..., 1], GROUND, axis=0)
+    lowest = np.tile(np.minimum(lowest[:2], lowest[2:]), 2)  # of ankles and of toes, both sides
+    return np.asarray((feet[..., 1] - lowest).min(axis=1) - NEAR)
 
 
 def _smooth(rows: Float64Array) -> Float64Array:
