@@ -21,6 +21,7 @@ import numpy as np
 from motionlake.arrays import Float32Array, Int32Array, Int64Array
 from motionlake.kernels import njit
 from motionlake.pesta.lanes import LANES, MAX_UNROLLED, ROWS
+from motionlake.pesta.strip_rows import next_row, rows_above
 from motionlake.pesta.vectors import least, load, load_rows, plus, scaled, spread, store, window
 
 ZERO = np.float32(0)
@@ -89,6 +90,8 @@ def _wide_window(ring: Float32Array, columns: Int64Array, row: int, above: Any, 
 def scanner(stride: int, gapped: bool = False) -> Callable[..., None]:
     """The kernel that scans strings with one stride, with gaps or without."""
     unrolled = stride <= MAX_UNROLLED
+    # Of a row's last cells the cheapest is found once for all rows below.
+    shared = unrolled and stride > 1 and not gapped
 
     @njit(cache=True, nogil=True)
     def scan(
@@ -155,29 +158,40 @@ def scanner(stride: int, gapped: bool = False) -> Callable[..., None]:
                     at[lane] = symbols[min(begin[lane] + t, last[lane])] * width
                 for k in range(stride + 1):
                     columns[k] = ((t - k) % (stride + 1)) * size + stride * LANES
-                above = spread(outside)
                 lowest = spread(ZERO)
-                for x in range(most_rows):
-                    if x % ROWS == 0:
-                        load_rows(profile, at, x, nearby)
-                    distance = load(nearby, (x % ROWS) * LANES)
-                    row = x * LANES
-                    if local:
-                        cost = plus(load(ring, columns[1] + row - LANES), plus(distance, spread(-threshold)))
-                        skipped = least(above, load(ring, columns[1] + row))
-                        cost = least(least(cost, plus(skipped, spread(gap))), spread(ZERO))
-                        lowest = least(lowest, cost)
-                    elif x == 0:
-                        cost = distance
-                    elif unrolled:
-                        cost = window(ring, columns, row, above, distance, stride)
-                    else:
-                        cost = _wide_window(ring, columns, row, above, distance, stride)
-                    if gapped:
-                        left_out = spread(threshold) if x == 0 else plus(above, spread(threshold))
-                        cost = least(cost, least(plus(load(ring, columns[1] + row), spread(gap)), left_out))
-                    store(ring, columns[0] + row, cost)
-                    above = cost
+                if shared and not local:
+                    load_rows(profile, at, 0, nearby)
+                    store(ring, columns[0], load(nearby, 0))
+                    ways = rows_above(ring, columns, 0, 0, stride, 0, LANES)
+                    for x in range(1, most_rows):
+                        if x % ROWS == 0:
+                            load_rows(profile, at, x, nearby)
+                        distance = load(nearby, (x % ROWS) * LANES)
+                        ways = next_row(ring, columns, x * LANES, 0, stride, 0, distance, ways, stride, LANES)
+                    above = load(ring, columns[0] + (most_rows - 1) * LANES)
+                else:
+                    above = spread(outside)
+                    for x in range(most_rows):
+                        if x % ROWS == 0:
+                            load_rows(profile, at, x, nearby)
+                        distance = load(nearby, (x % ROWS) * LANES)
+                        row = x * LANES
+                        if local:
+                            cost = plus(load(ring, columns[1] + row - LANES), plus(distance, spread(-threshold)))
+                            skipped = least(above, load(ring, columns[1] + row))
+                            cost = least(least(cost, plus(skipped, spread(gap))), spread(ZERO))
+                            lowest = least(lowest, cost)
+                        elif x == 0:
+                            cost = distance
+                        elif unrolled:
+                            cost = window(ring, columns, row, above, distance, stride)
+                        else:
+                            cost = _wide_window(ring, columns, row, above, distance, stride)
+                        if gapped:
+                            left_out = spread(threshold) if x == 0 else plus(above, spread(threshold))
+                            cost = least(cost, least(plus(load(ring, columns[1] + row), spread(gap)), left_out))
+                        store(ring, columns[0] + row, cost)
+                        above = cost
                 store(bottom, t * LANES, lowest if local else above)
                 if len(rows):
                     for lane in range(used):

@@ -18,8 +18,8 @@ from numpy.typing import ArrayLike
 Both = Literal["max", "mean", "query"]
 
 FIRST: Final = 256  # clips in which the query is searched for at first
-OF_EACH: Final = 4  # clips of these for each that is asked for, at least
-BATCH: Final = 64  # clips that are searched for in the query at once
+OF_EACH: Final = 2  # clips of these for each that is asked for, at least
+BATCH: Final = 128  # clips that are searched for in the query at once
 
 
 class LeastCosts:
