@@ -181,6 +181,29 @@ def test_likeness_is_of_distances_of_vectors(large: Path) -> None:
             assert found[row] > 0.99, "nearer than single precision tells"
 
 
+def test_a_long_query_is_aligned_with_fewer_clips(large: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the likeliest, so many that their symbols and those of the query make no more pairs than are afforded."""
+    monkeypatch.setattr("motionlake.retrieval.shortlist_methods.FEWEST", 4)
+    with few():
+        search = FusedSearcher(open_lake(large), graph=False)
+        assert search._cascade is not None
+        methods, files = search._cascade._methods, search._cascade.files
+        lengths = files.joined("symbols", np.arange(len(files.table)))[1]
+        for clip in some(large, 5):
+            row = search._cascade._clips.row(clip)
+            of = {name: method.of_row(row) for name, method in methods.items()}
+            order = np.argsort(-sum(methods[name].likeness(of[name]) for name in methods), kind="stable")[:12]
+            symbols = len(of["alignment"])
+            for enough in (1, 7, 12):
+                cells = symbols * int(lengths[order[:enough]].sum())
+                monkeypatch.setattr("motionlake.retrieval.shortlist.LARGE", Most(12, 6, cells))
+                asked = search._cascade.nearest(Query(clip), 12, Scope(), mirrored=False, failed=[])
+                assert len(asked.by["alignment"].clips) == 12, "as many as are asked for"
+                aligned = order[: max(4, enough)]
+                asked = search._cascade.nearest(Query(clip), len(aligned), Scope(), mirrored=False, failed=[])
+                assert set(asked.by["alignment"].clips) == set(aligned.tolist())
+
+
 def test_nearest_reach_as_far_as_of_all_clips(large: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """By signatures as many of the chosen clips count as are among the k nearest of all by vectors; by moves about how
     far the clip at that place is, as much farther as others are in full."""

@@ -42,14 +42,17 @@ class Most(NamedTuple):
     Attributes:
         chosen: by vectors, at least.
         in_full: of these by all frames of moves, where not twice as many answers are asked for.
+        cells: pairs of a symbol of the query and one of a clip, by alignment: of a long query fewer clips.
     """
 
     chosen: int
     in_full: int
+    cells: int = 10**12
 
 
-LARGE: Final = Most(1500, 200)
-MIDDLE: Final = Most(3000, 700)  # in a lake with a graph, whose ways go on from all clips that are near by a method
+LARGE: Final = Most(1500, 200, 60_000_000)
+# In a lake with a graph, whose ways go on from all clips that are near by a method.
+MIDDLE: Final = Most(3000, 700)
 
 
 class Cascade:
@@ -91,8 +94,13 @@ class Cascade:
         near = {name: each + admitted for name, each in likeness.items()}
         together = sum(likeness.values(), start=admitted)
         most = LARGE if self.large else MIDDLE
-        rows = np.sort(largest(together, max(k, most.chosen)))
-        first = self._shared({name: self._methods[name].first(k) for name in values}, values, rows)
+        rows = largest(together, max(k, most.chosen))
+        rows = rows[np.lexsort((rows, -together[rows]))]  # the likeliest first
+        first = self._shared(
+            {name: self._methods[name].first(k) for name in values}, values,
+            {name: np.sort(rows[: max(k, self._methods[name].affords(values[name], rows, most.cells))])
+             for name in values},
+        )  # fmt: skip
         by = {name: Ranking(found[:k].tolist(), distances[:k], self._reach(name, near[name], rows, k, distances[:k]))
               for name, (found, distances) in first.items() if name != ByMoves.name}  # fmt: skip
         if ByMoves.name in first:
@@ -123,7 +131,7 @@ class Cascade:
         likely = np.sort(largest(near, in_full if k < 2 * in_full else k))
         most = len(likely)
         compare = partial(method.among, k=most)
-        found, distances = self._shared({name: compare}, {name: value}, np.sort(rows[likely]))[name]
+        found, distances = self._shared({name: compare}, {name: value}, {name: np.sort(rows[likely])})[name]
         if most == len(rows):
             return Ranking(found[:k].tolist(), distances[:k])
         # Not all of the k nearest need have been compared: how far they reach follows from about how far they are.
@@ -156,7 +164,7 @@ class Cascade:
             likeness = self._likeness({**self._values(others, query, [], mirrored=mirrored), name: value})
             together = sum(likeness.values(), start=self._clips.admits(scope.clips))
             rows = np.sort(largest(together, max(k + 1, method.chosen)))
-            found, distances = self._shared({name: method.first(k + 1)}, {name: value}, rows)[name]
+            found, distances = self._shared({name: method.first(k + 1)}, {name: value}, {name: rows})[name]
             if isinstance(method, ByMoves):
                 nearest = self._moves(value, found, distances, together[found] / len(likeness), k + 1, ALONE_IN_FULL)
                 found, distances = np.array(nearest.clips, dtype=np.int64), nearest.distances
@@ -185,16 +193,16 @@ class Cascade:
         return dict(zip(names, found, strict=True))
 
     def _shared(
-        self, compare: Mapping[str, Compare], values: Mapping[str, Value], rows: Int64Array
+        self, compare: Mapping[str, Compare], values: Mapping[str, Value], rows: Mapping[str, Int64Array]
     ) -> dict[str, Answers]:
-        """What each way to compare finds among the clips of some rows, nearest first.
+        """What each way to compare finds among the clips of its rows, nearest first.
 
         Threads share the clips of a method, moves first: they take longest.
         """
         shares: list[tuple[str, Int64Array]] = []
         for name in _last(values):
             count = self._sharing(name)
-            shares += [(name, rows[first::count]) for first in range(count)]
+            shares += [(name, rows[name][first::count]) for first in range(count)]
         found = in_threads(lambda share: compare[share[0]](values[share[0]], share[1]), shares, THREADS)
         answers: dict[str, list[Answers]] = {name: [] for name in values}
         for (name, _), answer in zip(shares, found, strict=True):

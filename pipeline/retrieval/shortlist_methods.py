@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 Value = Any
 ALONE: Final = 2000  # clips that are compared by a method which is asked alone
 ALONE_STRINGS: Final = 6000  # by alignment: vectors tell less of it, and strings are compared sooner than moves
+FEWEST: Final = 500  # clips that are aligned with a long query
 UNIT: Final = 1000  # the distance by vectors of the clip at this place is the scale of others
 LEAST: Final = np.float32(1e-6)  # of such a distance
 EVERY: Final = 4  # frames of moves, of which one is compared before all
@@ -69,6 +70,10 @@ class Method(ABC):
     @abstractmethod
     def among(self, value: Value, rows: Int64Array, k: int) -> Answers:
         """The k nearest of the clips of some rows; those that the method does not know are left out."""
+
+    def affords(self, value: Value, rows: Int64Array, cells: int) -> int:
+        """How many of the clips of some rows, the likeliest first, it compares beside other methods."""
+        return len(rows)
 
     def first(self, k: int) -> Compare:
         """How shares of the clips that were chosen for a query are compared first: the k nearest of all are found, and
@@ -169,6 +174,11 @@ class ByAlignment(Method):
 
     def sketch(self, value: Value) -> Float32Array:
         return string_sketch(value, self._codes)
+
+    def affords(self, value: Value, rows: Int64Array, cells: int) -> int:
+        _, starts = self.files.flat("symbols")
+        symbols = np.cumsum(starts[rows + 1] - starts[rows])
+        return max(FEWEST, int(np.searchsorted(len(value) * symbols, cells, side="right")))
 
     def first(self, k: int) -> Compare:
         return partial(self.among, k=k, so_far=LeastCosts(k))
