@@ -13,9 +13,11 @@ from motionlake.api import Lake
 from motionlake.glogen.config import PRETRAINED_GENERATOR, SynthesisConfig
 from motionlake.glogen.generator import load_generator
 from motionlake.glogen.likeness import start_distances
+from motionlake.matching import DATABASE_VERSION
 from motionlake.matching.database import build_database
 from motionlake.matching.recordings import MatchingClip
 from motionlake.motion.sides import names_a_side
+from motionlake.stages.generator_model import GENERATOR
 from motionlake.stages.synthesis_control import Request
 from motionlake.stages.synthesize import clip_path
 
@@ -117,6 +119,20 @@ def test_labelled_ranges_alone_train_nothing_for_minutes(lake: Path, scheduler: 
     assert run.status == 0, run.err
     assert "(matching), which takes seconds, since the lake has 3 labelled clips or ranges" in run.err
     assert synthesize(lake, scheduler, "--class", "moves", "--seconds", "1").json["recipe"] == "matching"
+
+
+def test_a_database_of_an_earlier_version_is_made_anew(
+    auto: Path, label: str, scheduler: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lake = Path(shutil.copytree(auto, tmp_path / "lake"))
+    networks = GENERATOR.keyed(SynthesisConfig().networks())
+    monkeypatch.setattr("motionlake.stages.generator_model.DATABASE_VERSION", DATABASE_VERSION + 1)
+    assert GENERATOR.keyed(SynthesisConfig().networks()) == networks, "networks play no recorded frames"
+    run = synthesize(lake, scheduler, "--class", label, "--seconds", "1")
+    assert run.status == 2
+    assert "by an earlier version; make one for these with" in run.err
+    assert command("run", "synth", "--lake", lake, "--scheduler", scheduler).status == 0
+    assert synthesize(lake, scheduler, "--class", label, "--seconds", "1").json["model"] == "synthesis-2"
 
 
 def test_pretrained_networks_give_way_to_labels(lake: Path, scheduler: str) -> None:

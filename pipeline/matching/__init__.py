@@ -1,1 +1,6 @@
 """Motion matching: new motion from recorded frames, played on and joined where they are alike."""
+
+from typing import Final
+
+# Of what databases hold. 2: floors are level, how long a body is in the air; 3: the longest flights of a class.
+DATABASE_VERSION: Final = 3

@@ -10,6 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 from motionlake.arrays import BoolArray, Float32Array, Float64Array, Int64Array
+from motionlake.matching import DATABASE_VERSION
 from motionlake.matching.features import AHEAD, PLACES, POSE, VELOCITIES, features, mirrored_features, scales
 from motionlake.matching.flights import longest_flights
 from motionlake.matching.recordings import (
@@ -29,7 +30,6 @@ from motionlake.motion.skeleton import INDEX, JOINTS, body_length
 from motionlake.weights import read_tensors, save_tensors
 
 METADATA_KEY: Final = "matching_database"
-VERSION: Final = 3  # 2: floors are level, how long a body is in the air; 3: the longest flight to fractions of a frame
 MOST_FRAMES: Final = 200_000  # at 30 a second; of more, pieces are drawn
 APART: Final = 3  # frames: poses so near in time are joined and nobody sees it
 LEAST_SPEED: Final = 0.3  # body lengths a second: a class whose frames mostly go faster gets about
@@ -178,7 +178,7 @@ class MotionDatabase:
         """Write it as one safetensors file."""
         tensors = {name: getattr(self, name) for name in _TENSORS}
         kept = {
-            "version": VERSION, "joints": list(JOINTS), "classes": self.classes, "clips": self.clips,
+            "version": DATABASE_VERSION, "joints": list(JOINTS), "classes": self.classes, "clips": self.clips,
             "figures": self.metrics,
         }  # fmt: skip
         save_tensors(path, tensors, METADATA_KEY, kept)
@@ -193,7 +193,7 @@ def load_database(path: Path) -> MotionDatabase:
     tensors, kept = read_tensors(path, METADATA_KEY)
     if kept["joints"] != list(JOINTS):
         raise ValueError(f"{path} holds frames of another skeleton: {', '.join(kept['joints'])}")
-    if kept["version"] != VERSION:
+    if kept["version"] != DATABASE_VERSION:
         raise ValueError(f"{path} was made by another version; make it anew with `motionlake train synthesis`")
     return MotionDatabase(kept["classes"], kept["clips"], **tensors, metrics=kept["figures"])
 

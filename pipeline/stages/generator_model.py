@@ -15,6 +15,7 @@ from motionlake.lake.catalog import Connection, fetch
 from motionlake.lake.config import LakeConfig, config_hash
 from motionlake.lake.layout import Lake
 from motionlake.lake.models import Model
+from motionlake.matching import DATABASE_VERSION
 from motionlake.motion.generation import FPS, SHORTEST
 from motionlake.stages.frames import clips_key
 from motionlake.stages.model_kind import CHOSEN, ModelKind, Selection
@@ -189,7 +190,8 @@ class GeneratorModel(ModelKind[MotionSet]):
 
     def keyed(self, config: SynthesisConfig) -> str:
         """The key of a generator of a recipe."""
-        return config_hash(self.name, self.version, config.kept())
+        made_as = [DATABASE_VERSION] if config.recipe == MATCHING else []
+        return config_hash(self.name, self.version, config.kept(), *made_as)
 
     def _counts(self, at: LakeReader) -> dict[str, int]:
         return at.once("labelled", self.name, lambda: labelled_counts(at.con))
