@@ -2,5 +2,6 @@
 
 from typing import Final
 
-# Of what databases hold. 2: floors are level, how long a body is in the air; 3: the longest flights of a class.
-DATABASE_VERSION: Final = 3
+# Of what databases hold. 2: floors are level, how long a body is in the air; 3: the longest flights of a class;
+# 4: limbs are nearest to the recorded joints.
+DATABASE_VERSION: Final = 4

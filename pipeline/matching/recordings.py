@@ -16,6 +16,7 @@ from motionlake.motion.calibration import recorded_range
 from motionlake.motion.generation import FPS as FPS
 from motionlake.motion.generation import SeedClip
 from motionlake.motion.kinematics import continuous_signs, local_rotations, world_from_positions
+from motionlake.motion.limbs import nearest_limbs
 from motionlake.motion.quality.ends import check_ends
 from motionlake.motion.quality.faults import Recording
 from motionlake.motion.quality_config import QualityConfig
@@ -122,7 +123,8 @@ def rooted(
     """
     if rotations is None:
         rotations = local_rotations(world_from_positions(np.ascontiguousarray(positions, dtype=float)))
-    local = resample(np.asarray(rotations, dtype=float), fps, FPS, spherical=True)
+    rotations = nearest_limbs(np.asarray(positions, dtype=float), np.asarray(rotations, dtype=float), rest_offsets)
+    local = resample(rotations, fps, FPS, spherical=True)
     # The joints as recorded, which a depth sensor's bones of changing length make others than forward kinematics does.
     world = resample(np.asarray(positions, dtype=float), fps, FPS) / body_length(rest_offsets)
     heading = _smooth(facing(world))
