@@ -21,7 +21,7 @@ from motionlake.matching.flights import LEVELS
 from motionlake.matching.generator import MatchingGenerator, load_generator
 from motionlake.matching.inertia import decayed, joined_points, joined_rotations
 from motionlake.matching.played import AGAIN, UNEVEN, Played
-from motionlake.matching.recordings import FEET, MatchingClip, aloft, rooted, sound_ranges
+from motionlake.matching.recordings import FEET, MatchingClip, aloft, rooted, sound_ranges, standing
 from motionlake.matching.search import distances
 from motionlake.motion.generation import FPS, Control, GeneratedMotion, MotionRequest
 from motionlake.motion.ground import Ground, ground_of, levelled
@@ -125,6 +125,19 @@ def test_a_body_that_a_sensor_lifts_for_some_frames_stays_on_the_ground(made_by:
     assert above.max() < (HIGH + 0.005) * size
     assert above.min() > -0.005 * size
     assert abs(moved[0, 1] - hips[0, 1]) < 0.001  # what is given does not jump
+
+
+def test_a_foot_at_the_top_of_a_small_step_does_not_stand() -> None:
+    """In place: three hundredths of a body length up and down, left and right in turn, twice a second."""
+    seconds = np.arange(90) / FPS
+    feet = np.zeros((90, 4, 3))
+    for joint in range(4):
+        feet[:, joint, 1] = 0.03 * np.maximum(0.0, np.sin(2 * np.pi * 2 * seconds + np.pi * (joint // 2)))
+    found = standing(feet)
+    assert not found[feet[..., 1] > 0.02].any()
+    assert found[feet[..., 1] == 0].mean() > 0.9
+    still = standing(np.zeros((90, 4, 3)))
+    assert still.all()
 
 
 def test_the_search_is_a_naive_one(made_by: MatchingGenerator) -> None:

@@ -18,7 +18,7 @@ from motionlake.motion.two_bones import bent, level_ahead, turn_leg
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 SETTLE: Final = 4.0  # frames over which the body settles
-SMOOTH: Final = 1.5  # frames
+SMOOTH: Final = 1.0  # frames
 FAR: Final = 0.2  # body lengths that a foot is held back while it stands, at most
 LOWEST: Final = 0.015  # body lengths that this is below the ground, at most
 DEEP: Final = 0.005  # metres below the ground, or too high above it, from which on the whole body is moved
