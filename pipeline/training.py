@@ -23,6 +23,7 @@ from safetensors.torch import save_file
 from torch import Tensor, nn
 
 STEEPEST: Final = 1.0  # norm that gradients are cut to
+MOMENTUM: Final = 0.9
 REPORTED: Final = 10.0  # seconds after which a step is reported, however few steps were done
 
 
@@ -225,7 +226,7 @@ class Rates(Protocol):
     """What a recipe says of its optimiser."""
 
     @property
-    def optimiser(self) -> Literal["adam", "sgd"]: ...
+    def optimiser(self) -> Literal["adam", "sgd", "momentum"]: ...
     @property
     def learning_rate(self) -> float: ...
     @property
@@ -233,14 +234,15 @@ class Rates(Protocol):
 
 
 def optimiser_of(network: nn.Module, recipe: Rates) -> torch.optim.Optimizer:
-    """AdamW; plain descent, as a thesis has it, by name."""
-    if recipe.optimiser == "sgd":
-        return torch.optim.SGD(network.parameters(), lr=recipe.learning_rate)
+    """AdamW; by name plain descent, as a thesis has it, or descent with momentum."""
+    if recipe.optimiser != "adam":
+        momentum = MOMENTUM if recipe.optimiser == "momentum" else 0.0
+        return torch.optim.SGD(network.parameters(), lr=recipe.learning_rate, momentum=momentum)
     return torch.optim.AdamW(network.parameters(), lr=recipe.learning_rate, weight_decay=recipe.weight_decay)
 
 
 def rate_of(recipe: Rates) -> Callable[[float], float]:
-    """The learning rate at a share of the training: down to nothing by a cosine; that of plain descent stays."""
-    if recipe.optimiser == "sgd":
+    """The learning rate at a share of the training: down to nothing by a cosine; that of descent stays."""
+    if recipe.optimiser != "adam":
         return lambda share: recipe.learning_rate
     return lambda share: recipe.learning_rate * 0.5 * (1 + float(np.cos(np.pi * share)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -16,8 +17,10 @@ from motionlake.deep_motifs.words.linear import LinearConfig, linear_embedding, 
 from motionlake.deep_motifs.words.network import MovesBody, TrainedNetwork, load_network, moves
 from motionlake.deep_motifs.words.training import Recipe, _triplet_loss, train_words
 from motionlake.deep_motifs.words.triplets import TripletConfig, time_reversed, time_warped, training_words
+from motionlake.glogen.config import Schedule
 from motionlake.motion.dtw import frame_distances
 from motionlake.motion.features import WordConfig, word_features, word_windows
+from motionlake.training import optimiser_of, rate_of
 from safetensors.numpy import save_file
 from threadpoolctl import threadpool_limits
 
@@ -388,3 +391,21 @@ def test_the_machine_s_threads_do_not_show(tmp_path: Path) -> None:
         network.save(tmp_path / f"{threads}.safetensors")
         saved.append((tmp_path / f"{threads}.safetensors").read_bytes())
     assert saved[0] == saved[1]
+
+
+@pytest.mark.parametrize(("name", "share"), [("sgd", 0.0), ("momentum", 0.9)])
+def test_descent_keeps_going_by_its_momentum(name: Literal["sgd", "momentum"], share: float) -> None:
+    """The second step down a slope that stays is longer by as much of the first; the rate stays to the end."""
+    schedule = Schedule(optimiser=name, learning_rate=0.1)
+    line = torch.nn.Linear(1, 1, bias=False)
+    descent, rate = optimiser_of(line, schedule), rate_of(schedule)
+    assert rate(0.0) == rate(1.0) == 0.1
+    places = [float(line.weight.detach())]
+    for _ in range(2):
+        descent.zero_grad()
+        torch.autograd.backward(line.weight.sum())
+        descent.step()
+        places.append(float(line.weight.detach()))
+    first, second = np.diff(places)
+    assert first == pytest.approx(-0.1, rel=1e-5)
+    assert second == pytest.approx((1 + share) * first, rel=1e-5)

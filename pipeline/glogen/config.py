@@ -87,7 +87,7 @@ class Schedule:
     """
 
     dropout: float = 0.2
-    optimiser: Literal["adam", "sgd"] = "adam"
+    optimiser: Literal["adam", "sgd", "momentum"] = "adam"
     learning_rate: float = 2e-3
     weight_decay: float = 0.01
     batch: int = 64
