@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from motionlake.arrays import Float64Array
 from motionlake.matching.recordings import FPS, rooted
 from motionlake.motion.kinematics import forward_kinematics
-from motionlake.motion.limbs import LIMBS, nearest, nearest_limbs
+from motionlake.motion.limbs import BONES, LIMBS, even_limbs, nearest, nearest_limbs
 from motionlake.motion.skeleton import INDEX, body_length
 from scipy.optimize import minimize
 
@@ -62,6 +62,26 @@ def test_limbs_of_a_body_whose_bones_keep_their_length_stay(recordings: Path) ->
     clip = clips_of("walk")[0]
     turned = clip.rotations.astype(float)
     assert nearest_limbs(clip.positions.astype(float), turned, offsets_of(clip)) is turned
+
+
+def test_arms_and_legs_of_a_sensor_are_as_long_on_both_sides(recordings: Path) -> None:
+    clip = clips_of("lunge")[0]
+    body = offsets_of(clip)
+    even = even_limbs(clip.positions.astype(float), body)
+    before, after = (np.linalg.norm(each, axis=1) for each in (body, even))
+    left, right = np.array(BONES).T
+    assert np.abs(before[left] - before[right]).max() > 0.01
+    np.testing.assert_allclose(after[left], after[right], rtol=1e-9)
+    np.testing.assert_allclose(after[left] + after[right], before[left] + before[right], rtol=1e-9)
+    others = np.delete(np.arange(len(body)), [*left, *right])
+    np.testing.assert_array_equal(even[others], body[others])
+    np.testing.assert_allclose(np.cross(even, body), 0, atol=1e-12)  # they point as before
+
+
+def test_a_body_whose_bones_keep_their_length_stays_as_it_is(recordings: Path) -> None:
+    clip = clips_of("walk")[0]
+    body = offsets_of(clip)
+    assert even_limbs(clip.positions.astype(float), body) is body
 
 
 @pytest.mark.parametrize("label", ["squat", "jog", "arm_curl"])

@@ -11,16 +11,18 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from motionlake.arrays import Float64Array
+from motionlake.arrays import Float32Array, Float64Array
 from motionlake.evaluation.synthesis.contact import footing
 from motionlake.evaluation.synthesis.movement import bone_length_drift, energy, travel_speed
+from motionlake.matching.course import Part, Start
 from motionlake.matching.database import MotionDatabase, build_database
-from motionlake.matching.features import features, mirrored_features
+from motionlake.matching.features import POSE, features, mirrored_features
 from motionlake.matching.feet import HIGH, Soles, heights_standing, on_ground
 from motionlake.matching.flights import LEVELS
 from motionlake.matching.generator import MatchingGenerator, load_generator
 from motionlake.matching.inertia import decayed, joined_points, joined_rotations
-from motionlake.matching.played import AGAIN, UNEVEN, Played
+from motionlake.matching.played import AGAIN, UNEVEN, Played, costs_of_before
+from motionlake.matching.player import Player
 from motionlake.matching.recordings import FEET, MatchingClip, aloft, rooted, sound_ranges, standing
 from motionlake.matching.search import distances
 from motionlake.motion.generation import FPS, Control, GeneratedMotion, MotionRequest
@@ -154,6 +156,38 @@ def test_the_search_is_a_naive_one(made_by: MatchingGenerator) -> None:
         for row in rows
     ]
     np.testing.assert_allclose(found, naive, rtol=1e-4)
+
+
+def test_what_came_before_costs_as_counted_naively(made_by: MatchingGenerator) -> None:
+    """In every piece: the row a tenth of a second before, or the row itself where the piece begins."""
+    data = made_by.database
+    before = data.compared[50] + np.float32(0.1)
+    found = costs_of_before(data, 0, before, data.scales)
+    naive = []
+    for row in data.rows[0].tolist():
+        frame, first = row % len(data), int(data.pieces[data.piece_of[row % len(data)], 0])
+        compared = data.compared[row - 3 if frame - 3 >= first else row]
+        naive.append(0.5 * np.linalg.norm((compared - before) * data.scales))
+    np.testing.assert_allclose(found, naive, rtol=1e-4)
+
+
+def test_of_frames_about_as_near_that_is_gone_on_from_which_came_as_the_given_ones(made_by: MatchingGenerator) -> None:
+    data = made_by.database
+    target = made_by.classes.index("walk")
+    (first, stop, *_), *_ = data.pieces[data.pieces[:, 2] == target]
+    own = int(first) + 40
+    others = data.frames[target][(data.frames[target] >= stop) & (data.left[data.frames[target]] > 60)]
+    apart = np.linalg.norm((data.features[others] - data.features[own])[:, :POSE] * data.scales[:POSE], axis=1)
+    other = int(others[apart.argmin()])
+    between = np.float32(0.45) * data.features[own] + np.float32(0.55) * data.features[other]
+
+    def gone_on(before: Float32Array | None) -> float:
+        start = Start(between, 0.0, np.zeros(3), np.zeros(2), 0.0, before)
+        player = Player(data, [Part(target, 0)], 5, np.random.default_rng(0), temperature=0.0)
+        return float(player.run(start).at[0])
+
+    assert gone_on(data.features[own - 3]) == own + 1
+    assert gone_on(data.features[other - 3]) == other + 1
 
 
 def test_features_of_a_mirrored_clip_are_mirrored_features(recordings: Path) -> None:

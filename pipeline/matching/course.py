@@ -34,6 +34,7 @@ class Start:
         step: [3] of the root there: left, ahead, turn, a second.
         place: [2] body lengths, of the root in the first frame.
         heading: radians, likewise.
+        before: [48] features of the given frame a tenth of a second before; None: none is given.
     """
 
     query: Float32Array
@@ -41,6 +42,7 @@ class Start:
     step: Float64Array
     place: Float64Array
     heading: float
+    before: Float32Array | None = None
 
 
 @dataclass(frozen=True)

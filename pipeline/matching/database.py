@@ -24,6 +24,7 @@ from motionlake.matching.recordings import (
     sound_ranges,
 )
 from motionlake.motion.ground import ground_of, levelled
+from motionlake.motion.limbs import even_limbs
 from motionlake.motion.rotations import turn_on_ground
 from motionlake.motion.sides import names_a_side, unlike_mirrored
 from motionlake.motion.skeleton import INDEX, JOINTS, body_length
@@ -257,15 +258,16 @@ class _Piece:
 
 def _pieces(clip: MatchingClip) -> list[_Piece]:
     """The stretches of a clip between calibration poses and jumps, on level ground."""
-    found, size = [], body_length(clip.rest_offsets)
+    found: list[_Piece] = []
+    body = even_limbs(clip.positions, clip.rest_offsets)
     ranges = sound_ranges(clip.positions, clip.rotations, clip.fps)
     ground = ground_of(clip.positions[ranges[0][0] : ranges[-1][1]])
     positions, rotations = levelled(clip.positions, clip.rotations, ground, clip.positions[0, 0])
     for start, stop in ranges:
         if (stop - start - 1) / clip.fps * FPS + 1 < SHORTEST:
             continue
-        motion = rooted(positions[start:stop], rotations[start:stop], clip.rest_offsets, clip.fps)
-        found.append(_Piece(clip.clip, clip.start + start, clip.label, clip.fps, size, motion))
+        motion = rooted(positions[start:stop], rotations[start:stop], body, clip.fps)
+        found.append(_Piece(clip.clip, clip.start + start, clip.label, clip.fps, body_length(body), motion))
     return found
 
 

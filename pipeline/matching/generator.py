@@ -12,7 +12,7 @@ import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.matching.assembly import Poses, assembled, in_world
 from motionlake.matching.course import Course, Part, Start
-from motionlake.matching.database import MotionDatabase, load_database, steps_of
+from motionlake.matching.database import APART, MotionDatabase, load_database, steps_of
 from motionlake.matching.features import features
 from motionlake.matching.feet import Soles, heights_standing, on_ground, standing_above
 from motionlake.matching.keyed import keyed_motion
@@ -24,6 +24,7 @@ from motionlake.matching.style import style_costs
 from motionlake.motion.generation import SHORTEST, Control, GeneratedMotion, MotionRequest, SeedClip
 from motionlake.motion.ground import standing_level
 from motionlake.motion.kinematics import forward_kinematics
+from motionlake.motion.limbs import even_limbs
 from motionlake.motion.rotations import multiply, turn_on_ground
 from motionlake.motion.skeleton import JOINTS, body_length
 
@@ -40,6 +41,7 @@ class Given:
         shown: the last two frames as recorded, seen from the root likewise.
         lowest: [4] metres, where joints of the feet stand.
         floor: metres by which they stand higher in the last frame; 0 where none does.
+        body: [21, 3] rest offsets of the motion, metres.
         first, last: frames [first, last) of the seed clip at its own rate.
     """
 
@@ -47,6 +49,7 @@ class Given:
     shown: Poses
     lowest: Float64Array
     floor: float
+    body: Float64Array
     first: int
     last: int
 
@@ -90,9 +93,9 @@ class MatchingGenerator:
             return keyed_motion(self.database, request)
         request.check(self.classes)
         control = request.control or Control()
-        body, frames = request.start.rest_offsets, max(2, round(request.seconds * FPS))
-        size = body_length(body)
+        frames = max(2, round(request.seconds * FPS))
         given = given_frames(request.start, request.seed, control.from_end)
+        size = body_length(given.body)
         parts = self._parts(request, control, frames, size)
         rng = np.random.default_rng(request.seed)
         start = _start(given.motion)
@@ -114,7 +117,7 @@ class MatchingGenerator:
     def _posed(
         self, request: MotionRequest, given: Given, course: Course, parts: list[Part], shown: Poses | None
     ) -> GeneratedMotion:
-        body, size = request.start.rest_offsets, body_length(request.start.rest_offsets)
+        body, size = given.body, body_length(given.body)
         poses = assembled(self.database, course, shown)
         hips, rotations = in_world(poses, course, size)
         soles = Soles(given.lowest, None if shown is None else given.floor)
@@ -158,20 +161,20 @@ def given_frames(seed: SeedClip, chance: int, from_end: bool) -> Given:
         raise ValueError(f"{seed.clip} is of another skeleton: {shape} numbers a frame, not {len(JOINTS)}x3")
     if body_length(seed.rest_offsets) < 1e-6:
         raise ValueError(f"{seed.clip} has a body without length")
-    rotations = seed_rotations(seed)
+    rotations, body = seed_rotations(seed), even_limbs(seed.positions, seed.rest_offsets)
     first, stop = _sound(seed, rotations)
     frames = round((stop - first - 1) / seed.fps * FPS) + 1
     if frames < SHORTEST:
         seconds = len(seed.positions) / seed.fps
         raise ValueError(f"{seed.clip} lasts {seconds:.2f} s; to start from it needs {SHORTEST / FPS:.2f} s at least")
     recorded = seed.positions[first:stop], rotations[first:stop]
-    turned = rooted(*recorded, seed.rest_offsets, seed.fps)
+    turned = rooted(*recorded, body, seed.fps)
     begins = np.arange(0, max(1, len(turned) - PIECE), PIECE)
     begin = int(begins[np.random.default_rng(chance).integers(len(begins))])
     end = len(turned) if from_end else min(len(turned), begin + GIVEN)
     at = [round(first + frame / FPS * seed.fps) for frame in (end - GIVEN, end - 1)]
-    motion = rooted(*standing_level(*recorded, at[1] - first), seed.rest_offsets, seed.fps)
-    size = body_length(seed.rest_offsets)
+    motion = rooted(*standing_level(*recorded, at[1] - first), body, seed.fps)
+    size = body_length(body)
     lowest = heights_standing(motion.joints, 0.0) * size
     cut = motion.cut(end - GIVEN, end)
     shown = _seen_from(cut, turned.cut(end - GIVEN, end), size)
@@ -180,6 +183,7 @@ def given_frames(seed: SeedClip, chance: int, from_end: bool) -> Given:
         shown,
         lowest,
         standing_above(cut.joints[-1] * size, cut.stands[-1], lowest),
+        body,
         at[0],
         min(at[1] + 1, len(seed.positions)),
     )
@@ -206,11 +210,11 @@ def _sound(seed: SeedClip, rotations: Float64Array) -> tuple[int, int]:
 
 def _start(motion: RootedMotion) -> Start:
     """The last given frame, from which the root goes on as it went."""
-    row = features(motion)[-1]
+    rows = features(motion)
     step = steps_of(motion)[-1]
     last, heading = motion.place[-1], float(motion.heading[-1])
     moved = motion.place[-1] - motion.place[-2]
-    return Start(row, float(motion.aloft[-1]), step, last + moved, heading + step[2] / FPS)
+    return Start(rows[-1], float(motion.aloft[-1]), step, last + moved, heading + step[2] / FPS, rows[-1 - APART])
 
 
 def _closed(course: Course) -> Course:

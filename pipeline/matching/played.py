@@ -1,13 +1,14 @@
-"""What rows cost beside their distance: those that were played already, and those that end too soon or too late."""
+"""What rows cost beside their distance: those that were played, that end too soon or late, that come from elsewhere."""
 
 from __future__ import annotations
 
 from typing import Final
 
 import numpy as np
-from motionlake.arrays import Float64Array, Int64Array
-from motionlake.matching.database import MotionDatabase
+from motionlake.arrays import Float32Array, Float64Array, Int64Array
+from motionlake.matching.database import APART, MotionDatabase
 from motionlake.matching.recordings import FPS
+from motionlake.matching.search import distances
 
 AGAIN: Final = 150  # frames until what was played may be played again at no cost
 BESIDE: Final = 8  # frames about one that count as played with it
@@ -17,6 +18,7 @@ SHORT: Final = 3.0  # tolerances that a run costs of which nothing is left
 LEAST: Final = 4  # frames that must follow
 LATE: Final = 4.0  # tolerances that a run of an action costs which ends a second before the motion does, or after it
 IN_TIME: Final = 15  # frames about the end of a motion in which an action may end
+BEFORE: Final = 0.5  # weight of the frames a tenth of a second before
 UNEVEN: Final = 2.0  # tolerances that a recording costs which was played for `AGAIN` frames more than its share
 
 
@@ -66,3 +68,22 @@ def costs_of_late(database: MotionDatabase, target: int, frames: int) -> Float64
         return np.zeros(len(rows))
     off = np.abs(database.left[rows % len(database)] - frames)
     return np.asarray(LATE * database.tolerance * np.minimum(off / FPS, 1.0))
+
+
+def costs_of_before(database: MotionDatabase, target: int, before: Float32Array, weights: Float32Array) -> Float64Array:
+    """[n] what rows of a class cost where the frames a tenth of a second before them are unlike a given one.
+
+    Args:
+        database: N frames.
+        target: class.
+        before: [48] features of the given frame.
+        weights: [48] by which features are compared.
+
+    The first rows of a recording, which have no such frame, are compared themselves.
+    """
+    rows = database.rows[target]
+    frames = rows % len(database)
+    there = frames - APART >= database.pieces[database.piece_of[frames], 0]
+    out = np.empty(len(rows), dtype=np.float32)
+    distances(database.compared, np.where(there, rows - APART, rows), before, weights, out)
+    return BEFORE * out.astype(float)

@@ -12,12 +12,13 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array
+from motionlake.matching import played
 from motionlake.matching.course import Course, Part, Start
 from motionlake.matching.database import MotionDatabase
 from motionlake.matching.features import AHEAD, HEADINGS, PLACES, POSE
-from motionlake.matching.played import BESIDE, IN_TIME, REST, SHORT, Played, costs_of_late, costs_of_short
+from motionlake.matching.played import BESIDE, IN_TIME, REST, SHORT, Played
 from motionlake.matching.recordings import FPS
-from motionlake.matching.search import distances
+from motionlake.matching.search import distances, drawn
 from motionlake.matching.steering import Steering
 
 SEARCH: Final = 6  # frames between searches along a path
@@ -31,7 +32,6 @@ ARRIVED: Final = 60  # frames in which a new class gets to its speed by other ru
 # Tolerances that a frame costs by which flights do not fit: joined, they would be of another length.
 FLIGHT: Final = 1.0
 TOO_LONG: Final = 8.0  # tolerances that a frame costs from which a flight is longer than any that is recorded
-NEAR: Final = 32  # nearest rows that chance chooses from
 SETTLE: Final = 0.12  # seconds: half-life of a difference in the root's speed
 LOOP: Final = 24  # frames before the first that a loop ends with
 
@@ -57,10 +57,12 @@ class Player:
         self._scales = database.scales
         self._pose = self._scales.copy()
         self._pose[POSE:] *= FREE
+        self._given = database.scales.copy()
+        self._given[POSE:] = 0  # where given frames go is not known
         self._played = Played(database)
         self._frames_of = [rows % len(database) for rows in database.rows]
         self._flights = [database.longest_flight(target) for target in range(len(database.rows))]
-        self._short = [costs_of_short(database, rows) for rows in database.rows]
+        self._short = [played.costs_of_short(database, rows) for rows in database.rows]
         self._actions = [database.is_action(target) for target in range(len(database.rows))]
         if style is not None:
             self._short = [short + style[rows] for short, rows in zip(self._short, database.rows, strict=True)]
@@ -111,15 +113,18 @@ class Player:
             self._drift_speed[:] = 0
             self._go(row, 0)
             return
-        query, weights = start.query.copy(), self._scales.copy()
+        query, weights = start.query.copy(), self._given
         if self._is_aimed(0):
             self._aim(query, start.place, start.heading, float(np.hypot(*start.step[:2])), 0)
-        else:
-            weights[POSE:] = 0  # where given frames go is not known
+            weights = self._scales
         short = self._short[target := self._parts[0].target]
         if self._actions[target] and len(self._parts) == 1:
             frames = round(self._frames * self._pace)
-            self._short[target] = short + costs_of_late(self._data, target, frames)
+            self._short[target] = short + played.costs_of_late(self._data, target, frames)
+        if start.before is not None:
+            self._short[target] = self._short[target] + played.costs_of_before(
+                self._data, target, start.before, self._given
+            )
         # The nearest to the last given frame is found; the first frame of the motion is the one after it.
         self._go(self._choose(query, start.aloft, 0, weights, 1.0) + 1, 0)
         self._short[target] = short
@@ -215,13 +220,7 @@ class Player:
         target = self._parts[self._part].target
         rows, costs = self._data.rows[target], self._costs(query, aloft, target, t, weights)
         width = spread * self._temperature * self._data.tolerance
-        if width <= 0:
-            return int(rows[costs.argmin()])
-        near = np.argpartition(costs, min(NEAR, len(costs) - 1))[:NEAR]
-        near = near[np.argsort(costs[near], kind="stable")]
-        near = near[costs[near] <= costs[near[0]] + width]
-        chances = np.exp(-(costs[near] - costs[near[0]]) / (width / 2))
-        return int(rows[self._rng.choice(near, p=chances / chances.sum())])
+        return int(rows[drawn(costs, width, self._rng)])
 
     def _next(self, here: Float64Array, yaw: float, t: int) -> int | None:
         """The row to jump to in this frame, if to any."""

@@ -1,11 +1,15 @@
-"""How far a frame that is wanted is from the frames of a database: every one is looked at."""
+"""How far a frame that is wanted is from the frames of a database, each of which is looked at; one of the nearest."""
 
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
+from motionlake.arrays import Float64Array
 from motionlake.kernels import njit
+
+NEAR: Final = 32  # nearest rows that chance chooses from
 
 
 @njit(cache=True, fastmath=True)
@@ -19,3 +23,14 @@ def distances(features, rows, query, weights, out):  # type: ignore[no-untyped-d
             apart = (row[d] - query[d]) * weights[d]
             total += apart * apart
         out[i] = math.sqrt(total)
+
+
+def drawn(costs: Float64Array, width: float, rng: np.random.Generator) -> int:
+    """Place of one of the least costs [n], at most `width` above the least: the less, the likelier."""
+    if width <= 0:
+        return int(costs.argmin())
+    near = np.argpartition(costs, min(NEAR, len(costs) - 1))[:NEAR]
+    near = near[np.argsort(costs[near], kind="stable")]
+    near = near[costs[near] <= costs[near[0]] + width]
+    chances = np.exp(-(costs[near] - costs[near[0]]) / (width / 2))
+    return int(rng.choice(near, p=chances / chances.sum()))

@@ -7,17 +7,42 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.motion.kinematics import forward_kinematics, local_rotations, world_rotations
-from motionlake.motion.skeleton import INDEX, body_length
+from motionlake.motion.skeleton import INDEX, PARENTS, body_length
 from motionlake.motion.standing import SIDES
 from motionlake.motion.two_bones import turn_leg
 
 RIGID: Final = 0.01  # body lengths by which hand or foot of a body of constant bones is off, at most: the mean
+VARIES: Final = 0.02  # of its length, a bone's standard deviation: of a sensor, and not of a body
 ROUNDS: Final = 10  # after five, recorded limbs change by less than a hundredth of a millimetre
 LIMBS: Final = tuple(
     tuple(INDEX[f"{side}_{joint}"] for joint in limb)
     for limb in (("hip", "knee", "ankle"), ("shoulder", "elbow", "wrist"))
     for side in SIDES
 )
+BONES: Final = tuple(  # the lower ends of their bones, left and right
+    pair for left, right in zip(LIMBS[::2], LIMBS[1::2], strict=True) for pair in zip(left[1:], right[1:], strict=True)
+)
+
+
+def even_limbs(positions: Float64Array, rest_offsets: Float64Array) -> Float64Array:
+    """[21, 3] rest offsets with arms and legs as long on one side as on the other, where a sensor's bones vary.
+
+    The leg that a depth sensor sees less well is the shorter one in the mean: one who stands would bend the other knee.
+    A body whose bones keep their length stays as it is.
+
+    Args:
+        positions: [F, 21, 3] canonical joints, metres.
+        rest_offsets: [21, 3] metres.
+    """
+    joints = np.array(BONES).ravel()
+    lengths = np.linalg.norm(positions[:, joints] - positions[:, np.array(PARENTS)[joints]], axis=2)
+    if (lengths.std(axis=0) <= VARIES * lengths.mean(axis=0)).all():
+        return rest_offsets
+    even = rest_offsets.copy()
+    for left, right in BONES:
+        both = np.linalg.norm(rest_offsets[[left, right]], axis=1)
+        even[[left, right]] *= (both.mean() / np.maximum(both, 1e-9))[:, None]
+    return even
 
 
 def nearest_limbs(positions: Float64Array, rotations: Float64Array, rest_offsets: Float64Array) -> Float64Array:
