@@ -21,7 +21,7 @@ from motionlake.matching.feet import HIGH, Soles, heights_standing, on_ground
 from motionlake.matching.flights import LEVELS
 from motionlake.matching.generator import MatchingGenerator, load_generator
 from motionlake.matching.inertia import decayed, joined_points, joined_rotations
-from motionlake.matching.played import AGAIN, UNEVEN, Played, costs_of_before
+from motionlake.matching.played import AGAIN, UNEVEN, Played, costs_of_before, costs_of_short
 from motionlake.matching.player import Player
 from motionlake.matching.recordings import FEET, MatchingClip, aloft, rooted, sound_ranges, standing
 from motionlake.matching.search import distances
@@ -169,6 +169,18 @@ def test_what_came_before_costs_as_counted_naively(made_by: MatchingGenerator) -
         compared = data.compared[row - 3 if frame - 3 >= first else row]
         naive.append(0.5 * np.linalg.norm((compared - before) * data.scales))
     np.testing.assert_allclose(found, naive, rtol=1e-4)
+
+
+@pytest.mark.parametrize("rest", [30.0, 12.0, 2.0])
+def test_a_recording_that_lasts_to_the_end_of_a_motion_costs_nothing(made_by: MatchingGenerator, rest: float) -> None:
+    data = made_by.database
+    rows = data.rows[0]
+    left, costs = data.left[rows % len(data)], costs_of_short(data, rows, rest)
+    assert (costs[left >= rest] == 0).all()
+    assert np.isinf(costs[left < min(4, rest)]).all()
+    between = (left < rest) & (left >= 4)
+    assert (costs[between] > 0).all()
+    assert np.isfinite(costs[between]).all()
 
 
 def test_of_frames_about_as_near_that_is_gone_on_from_which_came_as_the_given_ones(made_by: MatchingGenerator) -> None:

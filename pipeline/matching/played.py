@@ -50,11 +50,11 @@ class Played:
         return np.asarray(costs)
 
 
-def costs_of_short(database: MotionDatabase, rows: Int64Array) -> Float64Array:
-    """[n] what rows cost after which little is left of the recording."""
+def costs_of_short(database: MotionDatabase, rows: Int64Array, rest: float = REST) -> Float64Array:
+    """[n] what rows cost after which less than `rest` frames are left of the recording."""
     left = database.left[rows % len(database)]
-    cost = SHORT * database.tolerance * np.clip(1 - left / REST, 0, None) ** 2
-    return np.where(left >= LEAST, cost, np.inf)
+    cost = SHORT * database.tolerance * np.clip(1 - left / max(rest, 1.0), 0, None) ** 2
+    return np.where(left >= min(LEAST, rest), cost, np.inf)
 
 
 def costs_of_late(database: MotionDatabase, target: int, frames: int) -> Float64Array:

@@ -64,8 +64,7 @@ class Player:
         self._flights = [database.longest_flight(target) for target in range(len(database.rows))]
         self._short = [played.costs_of_short(database, rows) for rows in database.rows]
         self._actions = [database.is_action(target) for target in range(len(database.rows))]
-        if style is not None:
-            self._short = [short + style[rows] for short, rows in zip(self._short, database.rows, strict=True)]
+        self._style = [np.zeros(1) if style is None else style[rows] for rows in database.rows]
         self._at, self._mirrored, self._even = 0.0, False, style is None
         self._drift_speed = np.zeros(3)  # by which the root goes otherwise than the run that is played
         self._end, self._until, self._part = 0, 0, 0
@@ -117,17 +116,13 @@ class Player:
         if self._is_aimed(0):
             self._aim(query, start.place, start.heading, float(np.hypot(*start.step[:2])), 0)
             weights = self._scales
-        short = self._short[target := self._parts[0].target]
+        target, beside = self._parts[0].target, np.zeros(1)
         if self._actions[target] and len(self._parts) == 1:
-            frames = round(self._frames * self._pace)
-            self._short[target] = short + played.costs_of_late(self._data, target, frames)
+            beside = beside + played.costs_of_late(self._data, target, round(self._frames * self._pace))
         if start.before is not None:
-            self._short[target] = self._short[target] + played.costs_of_before(
-                self._data, target, start.before, self._given
-            )
+            beside = beside + played.costs_of_before(self._data, target, start.before, self._given)
         # The nearest to the last given frame is found; the first frame of the motion is the one after it.
-        self._go(self._choose(query, start.aloft, 0, weights, 1.0) + 1, 0)
-        self._short[target] = short
+        self._go(self._choose(query, start.aloft, 0, weights, 1.0, beside) + 1, 0)
         self._drift_speed = start.step - self._rates()
 
     def _closing(self, first: tuple[float, bool]) -> int:
@@ -213,12 +208,20 @@ class Player:
         beside += FLIGHT * np.abs(self._data.aloft[frames] - aloft)
         landing = self._data.landing[frames]
         beside += TOO_LONG * (aloft + landing > self._flights[target]) * (landing > 0)
-        return np.asarray(out + self._short[target] + self._data.tolerance * beside)
+        return np.asarray(out + self._ends(target, t) + self._style[target] + self._data.tolerance * beside)
 
-    def _choose(self, query: Float32Array, aloft: float, t: int, weights: Float32Array, spread: float) -> int:
+    def _ends(self, target: int, t: int) -> Float64Array:
+        """[n] what rows of a class cost of whose recordings little is left, for a while or to the end of the motion."""
+        left = (self._frames - t) * self._pace
+        return self._short[target] if left >= REST else played.costs_of_short(self._data, self._data.rows[target], left)
+
+    def _choose(
+        self, query: Float32Array, aloft: float, t: int, weights: Float32Array, spread: float,
+        beside: Float64Array | float = 0.0,
+    ) -> int:  # fmt: skip
         """A row among the nearest: the nearer the likelier, within `spread` tolerances of the nearest."""
         target = self._parts[self._part].target
-        rows, costs = self._data.rows[target], self._costs(query, aloft, target, t, weights)
+        rows, costs = self._data.rows[target], self._costs(query, aloft, target, t, weights) + beside
         width = spread * self._temperature * self._data.tolerance
         return int(rows[drawn(costs, width, self._rng)])
 
