@@ -248,7 +248,6 @@ bench-matching: setup ## Measure motion matching: changes of class, a figure of 
 bench-made: setup ## Measure made motion beside real: classes, likeness, copies, errors (hours; KEEP=folder goes on from there)
 	$(BIN)/python -m bench.made table $(if $(KEEP),--keep "$(KEEP)")
 	$(BIN)/python -m bench.made errors $(if $(KEEP),--keep "$(KEEP)")
-	$(BIN)/python -m bench.made rigid
 
 bench-blind: setup ## Draw a page of pairs, real and made, into FOLDER=folder; the guesses are judged by python -m bench.made judge
 	$(BIN)/python -m bench.made blind "$(FOLDER)"

@@ -193,7 +193,6 @@ SMOKES: Final[Sequence[Smoke]] = (
     Smoke("bench.made", ("errors", "--splits", "indian", "--epochs", "1", "--folds", "0", "--methods", "zero_velocity",
           "matching", "networks", "onset", "onset, network alone", "seq2seq, all channels", "seq2seq, as the onset"),
           {"bench.made.splits.FOLDS": 2}),
-    Smoke("bench.made", ("rigid", "--splits", "indian", "--folds", "0"), {"bench.made.splits.FOLDS": 2}),
     Smoke("bench.made", ("blind", "OUT/blind", "--pairs", "2"), {"bench.made.blind.CLASSES": {"indian": None},
           "bench.made.blind.LONGEST": 1.0, "bench.made.splits.FOLDS": 2}),
     Smoke("bench.style", (), {"bench.style.SEEDS": ONE_SEED, "bench.style.STYLES": 1, "bench.style.SECONDS": 3.0}),

@@ -28,7 +28,7 @@ from bench.glogen.dense import HORIZON, apart
 from bench.glogen.material import frames_of
 from bench.made import blind, errors
 from bench.made.splits import FOLDS, SPLITS, clips_of, offsets_of, parted, real, rigid, seed_of
-from bench.made.windows import SPACES, all_windows, copies, likeness, paces, windows
+from bench.made.windows import SPACES, all_windows, copies, intervals, likeness, paces, windows
 from bench.record import recordings as folder_of_recordings
 
 pytestmark = pytest.mark.recordings
@@ -46,16 +46,22 @@ def test_networks_and_matching_are_measured_by_the_same_clips(recordings: Path) 
     assert [clip.name for clip in sets.clips_of("run")] == [clip.name for clip in clips_of("run")]
 
 
-def test_rigid_recordings_have_the_bones_of_their_bodies_in_the_same_directions(recordings: Path) -> None:
+def test_rigid_recordings_are_as_near_as_bones_of_constant_length_can_be(recordings: Path) -> None:
     motion, parents = real(clips_of("squat")[0]), np.array(PARENTS[1:])
     kept = rigid(motion)
-    bones, before = (each.positions[:, 1:] - each.positions[:, parents] for each in (kept, motion))
-    lengths, recorded = np.linalg.norm(bones, axis=2), np.linalg.norm(before, axis=2)
+    lengths, recorded = (
+        np.linalg.norm(each.positions[:, 1:] - each.positions[:, parents], axis=2) for each in (kept, motion)
+    )
     assert (recorded.max(axis=0) > 1.2 * recorded.min(axis=0)).any(), "a depth sensor's bones change their length"
-    np.testing.assert_allclose(lengths, np.broadcast_to(np.linalg.norm(motion.rest_offsets[1:], axis=1), lengths.shape))
-    long = recorded > 1e-6
-    np.testing.assert_allclose((bones / lengths[..., None])[long], (before / recorded[..., None])[long], atol=1e-9)
+    np.testing.assert_allclose(lengths, np.broadcast_to(lengths[0], lengths.shape))
     np.testing.assert_array_equal(kept.positions[:, 0], motion.positions[:, 0])
+    directions = motion.positions.copy()
+    for joint, parent in enumerate(parents, start=1):
+        bones = motion.positions[:, joint] - motion.positions[:, parent]
+        unit = bones / np.maximum(np.linalg.norm(bones, axis=1, keepdims=True), 1e-9)
+        directions[:, joint] = directions[:, parent] + lengths[0, joint - 1] * unit
+    off, other = (np.linalg.norm(p - motion.positions, axis=2).mean() for p in (kept.positions, directions))
+    assert off < 0.9 * other
     walk = real(clips_of("walk")[0])
     np.testing.assert_allclose(rigid(walk).positions, walk.positions, atol=1e-3)
 
@@ -96,6 +102,26 @@ def test_real_motion_is_like_real_motion_and_changed_motion_is_not(recordings: P
     assert shares(others, space) > 0.8
     for changed in ([held(one) for one in others], [shuffled(one) for one in others], [others[0]] * len(others)):
         assert shares(changed, space) < 0.5
+
+
+def test_an_interval_says_how_far_a_share_may_be_off(recordings: Path) -> None:
+    unseen, known, others = walks()
+
+    def interval(made: Sequence[Stretch], folds: int = 1) -> list[float]:
+        found = likeness(unseen, known, made, SPACES["paces"])
+        assert found is not None
+        parts = found["by_motion"]
+        for side in ("made", "known"):
+            sums = {name: parts[side][name].sum() for name in ("coverage", "density")}
+            assert sums["coverage"] / parts["windows"].sum() == pytest.approx(found[side]["coverage"])
+            assert sums["density"] / (3 * found["n"]["each"]) == pytest.approx(found[side]["density"])
+        return intervals([parts] * folds)["coverage"]
+
+    assert interval(known) == pytest.approx([1, 1])
+    low, high = interval(others)
+    assert low < shares(others, "paces") < high
+    assert np.ptp(interval(others, folds=4)) == pytest.approx((high - low) / 2, rel=0.2)
+    assert interval([held(one) for one in others])[1] < 0.5
 
 
 def test_paces_tell_that_walks_are_too_fast(recordings: Path) -> None:

@@ -1,17 +1,16 @@
-"""`python -m bench.made [table|errors|rigid|blind|judge] ...`: made motion beside real motion, on clips left out.
+"""`python -m bench.made [table|errors|blind|judge] ...`: made motion beside real motion, on clips left out.
 
 table: classes by motion matching and by networks beside their recordings: travel, energy, diversity, feet, coverage and
-density beside those of known clips, copies. errors: what follows the given poses after 80 to 640 ms, beside baselines.
-rigid: recordings whose bones keep their length beside the recordings, for no made motion's bones change theirs.
-blind FOLDER: a page of pairs, real and made, with the key in a file of its own. judge FOLDER: how often the guesses of
-guesses.csv there are right.
+density beside those of known clips, copies; also beside recordings by a body of constant bones. errors: what
+follows the given poses after 80 to 640 ms, beside baselines. blind FOLDER: a page of pairs, real and made, with the key
+in a file of its own. judge FOLDER: how often the guesses of guesses.csv there are right.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,9 +18,10 @@ from motionlake.evaluation.synthesis.errors import MILLISECONDS
 
 from bench.classes import CLASSES
 from bench.glogen.dense import means
-from bench.made import blind, errors, rigid, table
+from bench.made import blind, errors, table
 from bench.made.generators import RECIPES
 from bench.made.splits import FOLDS, SPLITS
+from bench.made.windows import SHARES
 from bench.record import hash_files, record, recordings
 from bench.units import Found, in_processes
 from bench.units import table as lines
@@ -49,7 +49,10 @@ def _lines(rows: Mapping[str, Found]) -> list[str]:
         likeness = " ".join(f"{start} {_covered(spaces)}" for start, spaces in row["likeness"].items())
         kept = " ".join(f"{name} {row['rigid']['ratio'].get(name, float('nan')):.3f}" for name in SCORES[:3])
         shown.append(f"  {label}: {ratios} {feet} {likeness}")
-        shown.append(f"    beside rigid: {kept} {_covered(row['rigid']['likeness']['from_unseen'])}")
+        shown.append(
+            f"    beside rigid: {kept} {_covered(row['rigid']['likeness']['from_unseen'])}"
+            f"; known rigid reach {_covered(row['rigid']['reached'])}"
+        )
     return shown
 
 
@@ -104,18 +107,15 @@ def _errors(given: argparse.Namespace) -> None:
     _recorded("errors", measure_errors(given), given.keep)
 
 
-def _rigid(given: argparse.Namespace) -> None:
-    found = {name: rigid.measure(name, given.folds) for name in given.splits or SPLITS}
-    for label, row in (each for rows in found.values() for each in rows.items()):
-        ratios = " ".join(f"{name} {ratio:.3f}" for name, ratio in row["ratio"].items())
-        print(f"  {label}: {ratios} {_covered(row['likeness'])}")
-    _recorded("rigid", found)
-
-
 def _covered(likeness: Mapping[str, Any]) -> str:
     return " ".join(
-        f"{space} " + "/".join(f"{one['share'][name]:.2f}" for name in table.SHARES) for space, one in likeness.items()
+        f"{space} " + "/".join(f"{one['share'][name]:.2f} ({_between(one['interval'][name])})" for name in SHARES)
+        for space, one in likeness.items()
     )
+
+
+def _between(interval: Sequence[float]) -> str:
+    return " to ".join(f"{edge:.2f}" for edge in interval)
 
 
 def _folder(given: argparse.Namespace) -> Path:
@@ -138,7 +138,7 @@ def _judge(given: argparse.Namespace) -> None:
     _recorded("judged", found)
 
 
-PARTS: Final = {"table": _table, "errors": _errors, "rigid": _rigid, "blind": _blind, "judge": _judge}
+PARTS: Final = {"table": _table, "errors": _errors, "blind": _blind, "judge": _judge}
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from motionlake.evaluation.synthesis.motions import Stretch
 from motionlake.matching.recordings import sound_ranges
 from motionlake.motion.generation import FPS, GeneratedMotion, SeedClip
 from motionlake.motion.ground import Ground, ground_of
+from motionlake.motion.limbs import LIMBS, even_limbs, nearest
 from motionlake.motion.resampling import resample
 from motionlake.motion.skeleton import PARENTS
 
@@ -98,14 +99,25 @@ def real(clip: LabelledClip, start: int = 0) -> Stretch:
 
 
 def rigid(motion: Stretch) -> Stretch:
-    """The motion by bones of its body's lengths: a depth sensor's change theirs, and made motion cannot."""
-    positions = motion.positions.copy()
-    lengths = np.linalg.norm(motion.rest_offsets, axis=1)
+    """The motion by a body whose bones keep their length, as near as it can be: what any made motion can reach.
+
+    A depth sensor's bones change theirs. The trunk's get the lengths that they have in the body, in their directions;
+    arms and legs are the nearest to the recorded joints, as in `matching.recordings.rooted`. The hips stay.
+    """
+    recorded, positions = motion.positions, motion.positions.astype(float)
+    lengths = np.linalg.norm(even_limbs(recorded, motion.rest_offsets), axis=1)
     for joint, parent in enumerate(PARENTS):
         if parent >= 0:
-            bones = motion.positions[:, joint] - motion.positions[:, parent]
+            bones = recorded[:, joint] - recorded[:, parent]
             directions = bones / np.maximum(np.linalg.norm(bones, axis=1, keepdims=True), 1e-9)
             positions[:, joint] = positions[:, parent] + lengths[joint] * directions
+    for root, *joints in LIMBS:
+        end, before = joints[-1], positions[:, joints[-1]].copy()
+        wanted = [recorded[:, joint] for joint in joints]
+        fitted = nearest(positions[:, root], *(positions[:, joint] for joint in joints), *wanted)
+        positions[:, joints] = np.stack(fitted, axis=1)
+        for joint in np.flatnonzero(np.array(PARENTS) == end).tolist():
+            positions[:, joint] += positions[:, end] - before
     return replace(motion, positions=positions)
 
 

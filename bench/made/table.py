@@ -18,7 +18,7 @@ from bench.canonical_sets import LabelledClip
 from bench.classes import GOING
 from bench.made.generators import generator, go_on
 from bench.made.splits import FOLDS, SPLITS, folds, made_from, real, rigid
-from bench.made.windows import SPACES, copies, likeness
+from bench.made.windows import SHARES, SPACES, copies, intervals, likeness
 from bench.units import Found
 
 SEEDS: Final = (0, 1, 2)
@@ -27,7 +27,6 @@ MEANS: Final = ("travel_speed", "energy", "jerk", "skate_ratio", "slide_speed", 
 WORST: Final = ("penetration", "airborne", "height", "bone_length_drift")
 RATIOS: Final = ("travel_speed", "energy", "diversity", "skate_ratio", "jerk")
 STARTS: Final = ("from_unseen", "from_known")  # clips that motions go on from
-SHARES: Final = ("coverage", "density")
 
 
 @dataclass(frozen=True)
@@ -137,7 +136,7 @@ def _figures(unit: Unit, label: str, seeds: Sequence[Motions]) -> Found:
     rows = [measures(each.all_made) for each in seeds]
     made, other = mean(rows), mean([measures(each.real) for each in seeds])
     kept = mean([measures([rigid(motion) for motion in each.real]) for each in seeds])
-    likenesses, beside_rigid, known_rows = [], [], []
+    likenesses, beside_rigid, reached, known_rows = [], [], [], []
     for fold, known, test in folds(unit.split, unit.folds):
         maker = generator(unit.recipe, unit.split, fold, unit.epochs, unit.generators)
         learned, unseen = ([real(c, since(c)) for c in some if c.label == label] for some in (known, test))
@@ -148,6 +147,7 @@ def _figures(unit: Unit, label: str, seeds: Sequence[Motions]) -> Found:
         unseen_rigid, known_rigid = ([rigid(motion) for motion in some] for some in (unseen, learned))
         sides = zip(STARTS, (of_all_seeds, again), strict=True)
         beside_rigid.append({start: spaces(unseen_rigid, known_rigid, some) for start, some in sides})
+        reached.append(spaces(unseen, learned, known_rigid))
     known_mean = mean(known_rows)
     return {
         "made": made, "real": other, "known": known_mean, "by_seed": rows,
@@ -157,6 +157,7 @@ def _figures(unit: Unit, label: str, seeds: Sequence[Motions]) -> Found:
         "rigid": {
             "real": kept, "ratio": {name: made[name] / kept[name] for name in RATIOS if kept[name]},
             "likeness": {start: shares([one[start] for one in beside_rigid]) for start in STARTS},
+            "reached": shares(reached),
         },
         "copies": mean([one["copies"] for one in likenesses if one["copies"]]),
         "runs": runs([one for each in seeds for one in each.raw]),
@@ -168,7 +169,7 @@ def mean(rows: Sequence[dict[str, float]]) -> dict[str, float]:
 
 
 def shares(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """By space coverage and density of what was made, of known motions, and the one over the other."""
+    """By space coverage and density of what was made and of known motions, the one over the other, how sure that is."""
     found = {}
     for space in rows[0]:
         whole = [row[space] for row in rows if row[space]]
@@ -178,6 +179,7 @@ def shares(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
         found[space] = {
             **sides,
             "share": {name: sides["made"][name] / max(sides["known"][name], 1e-9) for name in SHARES},
+            "interval": intervals([row["by_motion"] for row in whole]),
             "n": mean([row["n"] for row in whole]),
         }
     return found

@@ -11,11 +11,11 @@ from functools import partial
 from typing import Any, Final
 
 import numpy as np
-from motionlake.arrays import Float64Array, FloatArray
+from motionlake.arrays import BoolArray, Float64Array, FloatArray, Int64Array
 from motionlake.deephums.sequence import clip_sequence
 from motionlake.evaluation.synthesis.copying import rank_z
 from motionlake.evaluation.synthesis.motions import Stretch
-from motionlake.evaluation.synthesis.variety import WINDOW, neighbourhoods
+from motionlake.evaluation.synthesis.variety import WINDOW, held_in_balls, neighbourhoods
 from motionlake.motion.features import body_length
 from motionlake.motion.skeleton import body_poses
 from scipy.spatial.distance import cdist
@@ -30,6 +30,8 @@ NEAREST: Final = 3
 LEAST: Final = 4  # windows of a set, to have neighbours
 MOST: Final = 4000  # windows that copies are looked for among
 NEAR: Final = 0.05  # quantile of unseen real windows, nearer than which a made one is near
+SHARES: Final = ("coverage", "density")
+INTERVAL: Final = (0.05, 0.95)
 Space = Callable[[Sequence[Float64Array], float], FloatArray]
 
 
@@ -79,15 +81,50 @@ def likeness(
 ) -> dict[str, Any] | None:
     """Coverage and density of unseen real motions by made ones, beside what as many of the known real ones reach.
 
-    None where there are too few for neighbours.
+    `by_motion`: the parts that each unseen motion has in them: of its windows how many there are, how many are covered,
+    and in how many of their balls made or known windows are. None where there are too few for neighbours.
     """
     seconds, fps = width_of(known), unseen[0].fps
     real, own, other = (space(windows(some, seconds), fps) for some in (unseen, known, made))
     count = min(len(own), len(other))
     if min(len(real), count) < LEAST:
         return None
-    reached, found = (neighbourhoods(real, _some(some, count), NEAREST) for some in (own, other))
-    return {"made": found, "known": reached, "n": {"unseen": len(real), "each": count}}
+    of = np.repeat(np.arange(len(unseen)), [len(windows([motion], seconds)) for motion in unseen])
+    sides = {"made": _some(other, count), "known": _some(own, count)}
+    return {
+        **{side: neighbourhoods(real, some, NEAREST) for side, some in sides.items()},
+        "n": {"unseen": len(real), "each": count},
+        "by_motion": {
+            "windows": np.bincount(of),
+            **{side: _by_motion(held_in_balls(real, some, NEAREST), of) for side, some in sides.items()},
+        },
+    }
+
+
+def _by_motion(inside: BoolArray, of: Int64Array) -> dict[str, Float64Array]:
+    """Of windows [n] that belong to motions `of` [n], and what is in their balls [n, m]: sums over each motion's."""
+    counts = {"coverage": inside.any(axis=1), "density": inside.sum(axis=1)}
+    return {name: np.bincount(of, weights=each.astype(float)) for name, each in counts.items()}
+
+
+def intervals(folds: Sequence[dict[str, Any]], draws: int = 1000) -> dict[str, list[float]]:
+    """Between which shares of made over known nine in ten draws are, unseen motions drawn again in every fold.
+
+    Args:
+        folds: `by_motion` of each.
+        draws: how many.
+    """
+    rng, sums = np.random.default_rng(0), {(side, name): 0.0 for side in ("made", "known") for name in SHARES}
+    for fold in folds:
+        count = len(fold["windows"])
+        weights = rng.multinomial(count, np.full(count, 1 / count), size=draws)
+        for side, name in sums:
+            sums[side, name] = sums[side, name] + weights @ fold[side][name] / (weights @ fold["windows"])
+    found = {}
+    for name in SHARES:
+        share = sums["made", name] / np.maximum(sums["known", name], 1e-9)
+        found[name] = np.quantile(share, INTERVAL).tolist()
+    return found
 
 
 def _some(rows: FloatArray, count: int) -> FloatArray:

@@ -63,16 +63,24 @@ def neighbourhoods(real: FloatArray, made: FloatArray, nearest: int = NEAREST) -
     """
     if min(len(real), len(made)) < 2:
         raise ValueError("two vectors a set are needed, to have neighbours")
-    k = min(nearest, len(real) - 1, len(made) - 1)
-    between = cdist(real.astype(np.float64), made.astype(np.float64))
-    about_real, about_made = (_reach(vectors, k) for vectors in (real, made))
-    inside: BoolArray = between < about_real[:, None]
+    k = _neighbours(real, made, nearest)
+    inside = held_in_balls(real, made, nearest)
     return {
         "precision": float(inside.any(axis=0).mean()),
-        "recall": float((between < about_made).any(axis=1).mean()),
+        "recall": float(held_in_balls(made, real, nearest).any(axis=0).mean()),
         "density": float(inside.sum() / (k * len(made))),
         "coverage": float(inside.any(axis=1).mean()),
     }
+
+
+def held_in_balls(real: FloatArray, made: FloatArray, nearest: int = NEAREST) -> BoolArray:
+    """[n, m] which of the made vectors [m, d] are in which of the balls about real ones [n, d] (`neighbourhoods`)."""
+    reach = _reach(real, _neighbours(real, made, nearest))
+    return np.asarray(cdist(real.astype(np.float64), made.astype(np.float64)) < reach[:, None])
+
+
+def _neighbours(real: FloatArray, made: FloatArray, nearest: int) -> int:
+    return min(nearest, len(real) - 1, len(made) - 1)
 
 
 def _reach(vectors: FloatArray, nearest: int) -> Float64Array:
