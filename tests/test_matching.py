@@ -142,6 +142,16 @@ def test_a_foot_at_the_top_of_a_small_step_does_not_stand() -> None:
     assert still.all()
 
 
+def test_a_foot_stands_while_the_other_swings_by_below_it() -> None:
+    """One stands two hundredths of a body length above its lowest, on a floor that is not even."""
+    seconds = np.arange(60) / FPS
+    feet = np.zeros((60, 4, 3))
+    feet[20:, :2, 1] = 0.02
+    feet[:, 2:, 2] = 1.5 * np.maximum(0.0, seconds - 1.0)[:, None]
+    assert standing(feet)[32:, :2].all()
+    assert not standing(feet)[32:, 2:].any()
+
+
 def test_the_search_is_a_naive_one(made_by: MatchingGenerator) -> None:
     data = made_by.database
     rng = np.random.default_rng(0)

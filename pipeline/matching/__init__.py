@@ -3,5 +3,6 @@
 from typing import Final
 
 # Of what databases hold. 2: floors are level, how long a body is in the air; 3: the longest flights of a class;
-# 4: limbs are even and nearest to the recorded joints, a foot that is lifted does not stand.
-DATABASE_VERSION: Final = 4
+# 4: limbs are even and nearest to the recorded joints, a foot that is lifted does not stand; 5: nor is one lifted above
+# a foot that swings.
+DATABASE_VERSION: Final = 5

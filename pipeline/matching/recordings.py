@@ -30,7 +30,7 @@ SMOOTH: Final = 6.0  # frames, of the root's place and heading
 # A joint of a foot stands that is slower and lower than this: body lengths a second, body lengths above its lowest.
 SLOW: Final = 0.45
 LOW: Final = 0.05
-LIFTED: Final = 0.01  # body lengths: a joint is lifted that is so much further above its lowest than another of them
+LIFTED: Final = 0.01  # body lengths: a joint is lifted that is so much further above its lowest than a slow one
 NEAR: Final = 0.035  # body lengths above its lowest: a joint of a foot that may bear the body
 GROUND: Final = 0.05  # quantile of heights that counts as the lowest
 SHORTEST: Final = 12  # frames of a piece
@@ -159,11 +159,12 @@ def standing(feet: Float64Array) -> BoolArray:
     """[T, 4] of joints [T, 4, 3] of feet, body lengths at 30 frames a second: slow, low, and not lifted.
 
     Lone frames between standing ones count too. At the top of a small step a foot in place is slow and low: the other
-    one bears the body then.
+    one bears the body then. A foot that swings by may be lower than the one that stands: no joint is lifted above it.
     """
     speed = np.linalg.norm(np.gradient(feet, axis=0), axis=-1) * FPS
     above = feet[..., 1] - np.quantile(feet[..., 1], GROUND, axis=0)
-    stands = (speed < SLOW) & (above < LOW) & (above < above.min(axis=1, keepdims=True) + LIFTED)
+    still = (speed < SLOW) & (above < LOW)
+    stands = still & (above < np.where(still, above, np.inf).min(axis=1, keepdims=True) + LIFTED)
     filled = stands.copy()
     filled[1:-1] |= stands[:-2] & stands[2:]
     return np.asarray(filled)
