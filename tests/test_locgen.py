@@ -13,7 +13,7 @@ from motionlake.glogen.config import LocGenRecipe, locgen_recipe
 from motionlake.glogen.inbetweening import (
     DenseDecoder,
     Inbetweener,
-    _between_loss,
+    _examples,
     between,
     dense_motions,
     interpolated_motion,
@@ -112,7 +112,10 @@ def test_poses_between_are_measured_against_the_real_ones(walks: list[TrainingPi
         for given_poses, real in pairs:
             made = network(torch.from_numpy(given_poses)[None].float())
             errors.append(float((made - network.scale(torch.from_numpy(real)[None].float())).square().mean()))
-        assert float(_between_loss(network, walks[:2])) == pytest.approx(np.mean(errors), rel=1e-5)
+        loss, count = _examples(network, walks[:2], np.random.default_rng(0))
+        assert count == len(pairs) == 38, "an example is what lies between two poses, as the thesis has batches"
+        assert float(loss(np.arange(count))) == pytest.approx(np.mean(errors), rel=1e-5)
+        assert float(loss(np.array([7]))) == pytest.approx(errors[7], rel=1e-5)
 
 
 def test_training_goes_on_from_its_checkpoint(walks: list[TrainingPiece], tmp_path: Path) -> None:

@@ -393,7 +393,7 @@ def test_the_machine_s_threads_do_not_show(tmp_path: Path) -> None:
     assert saved[0] == saved[1]
 
 
-@pytest.mark.parametrize(("name", "share"), [("sgd", 0.0), ("momentum", 0.9)])
+@pytest.mark.parametrize(("name", "share"), [("sgd", 0.0), ("momentum", 0.99)])
 def test_descent_keeps_going_by_its_momentum(name: Literal["sgd", "momentum"], share: float) -> None:
     """The second step down a slope that stays is longer by as much of the first; the rate stays to the end."""
     schedule = Schedule(optimiser=name, learning_rate=0.1)

@@ -77,7 +77,7 @@ GROUPS: Final[Mapping[str, Mapping[str, Module]]] = {
         "pipeline/deephums/submotions.py": Module(_tests("submotion_search"), ("_loss",)),
         "pipeline/glogen/training.py": Module(_tests("glogen"), ("_loss", "_block_loss", "unseen", "_error")),
         "pipeline/glogen/inbetweening.py": Module(
-            _tests("locgen"), ("_frames_loss", "_between_loss", "poses_between")
+            _tests("locgen"), ("_frames_loss", "_examples", "_between_loss", "poses_between")
         ),
         "pipeline/pesta/autoencoder_training.py": Module(
             _tests("postures"),

@@ -6,7 +6,7 @@ poses run from X_i to X_{i+1}, as its text has it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -183,19 +183,24 @@ def train_locgen(
         network.scale.learn(torch.from_numpy(learn).float())
         data = np.concatenate([*[piece.sparse.rows.ravel() for piece in pieces], [seed]]).astype(np.float32)
         kept = Checkpoint(checkpoint, data, recipe) if checkpoint else None
-
-        def loss(chosen: Int64Array) -> Tensor:
-            some = [pieces[i] for i in chosen]
-            if isinstance(network, DenseDecoder):
-                return _frames_loss(network, some, rng)
-            return _between_loss(network, some)
-
+        loss, count = _examples(network, pieces, rng)
         losses = Training(
             network, optimiser_of(network, recipe), recipe.epochs_of(len(pieces)), rate_of(recipe),
-            lambda: np.array_split(rng.permutation(len(pieces)), recipe.batches(len(pieces))), loss, seed, rng, kept,
+            lambda: np.array_split(rng.permutation(count), recipe.batches(count)), loss, seed, rng, kept,
             CHECKPOINT_EVERY, progress, stays=stays,
         ).run()  # fmt: skip
     return network.eval(), losses
+
+
+def _examples(
+    network: DenseDecoder | Inbetweener, pieces: Sequence[TrainingPiece], rng: np.random.Generator
+) -> tuple[Callable[[Int64Array], Tensor], int]:
+    """The loss of chosen examples, and how many: pieces, or, as in the thesis, what lies between two poses."""
+    if isinstance(network, DenseDecoder):
+        return lambda chosen: _frames_loss(network, [pieces[i] for i in chosen], rng), len(pieces)
+    pairs = [pair for piece in pieces for pair in poses_between(piece, network.recipe.between)]
+    given, wanted = (torch.from_numpy(np.stack(some)).float() for some in zip(*pairs, strict=True))
+    return lambda chosen: _between_loss(network, given[chosen], wanted[chosen]), len(pairs)
 
 
 def _frames_loss(network: DenseDecoder, pieces: Sequence[TrainingPiece], rng: np.random.Generator) -> Tensor:
@@ -215,10 +220,7 @@ def _frames_loss(network: DenseDecoder, pieces: Sequence[TrainingPiece], rng: np
     return error + 0.1 * feet
 
 
-def _between_loss(network: Inbetweener, pieces: Sequence[TrainingPiece]) -> Tensor:
-    count = network.recipe.between
-    pairs = [pair for piece in pieces for pair in poses_between(piece, count)]
-    given, wanted = (torch.from_numpy(np.stack([pair[i] for pair in pairs])).float() for i in (0, 1))
+def _between_loss(network: Inbetweener, given: Tensor, wanted: Tensor) -> Tensor:
     error: Tensor = (network(given) - network.scale(wanted)).square().mean()
     return error
 
