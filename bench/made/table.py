@@ -179,7 +179,7 @@ def shares(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
         found[space] = {
             **sides,
             "share": {name: sides["made"][name] / max(sides["known"][name], 1e-9) for name in SHARES},
-            "interval": intervals([row["by_motion"] for row in whole]),
+            "interval": intervals([row["balls"] for row in whole]),
             "n": mean([row["n"] for row in whole]),
         }
     return found

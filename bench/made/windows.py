@@ -7,6 +7,7 @@ world (Onuma et al. 2008), which say nothing of poses.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
 
@@ -81,50 +82,54 @@ def likeness(
 ) -> dict[str, Any] | None:
     """Coverage and density of unseen real motions by made ones, beside what as many of the known real ones reach.
 
-    `by_motion`: the parts that each unseen motion has in them: of its windows how many there are, how many are covered,
-    and in how many of their balls made or known windows are. None where there are too few for neighbours.
+    None where there are too few for neighbours. `balls` is what `intervals` reads.
     """
     seconds, fps = width_of(known), unseen[0].fps
     real, own, other = (space(windows(some, seconds), fps) for some in (unseen, known, made))
     count = min(len(own), len(other))
     if min(len(real), count) < LEAST:
         return None
-    of = np.repeat(np.arange(len(unseen)), [len(windows([motion], seconds)) for motion in unseen])
     sides = {"made": _some(other, count), "known": _some(own, count)}
     return {
         **{side: neighbourhoods(real, some, NEAREST) for side, some in sides.items()},
         "n": {"unseen": len(real), "each": count},
-        "by_motion": {
-            "windows": np.bincount(of),
-            **{side: _by_motion(held_in_balls(real, some, NEAREST), of) for side, some in sides.items()},
-        },
+        "balls": Balls(
+            np.repeat(np.arange(len(unseen)), [len(windows([motion], seconds)) for motion in unseen]),
+            *(held_in_balls(real, some, NEAREST) for some in sides.values()),
+        ),
     }
 
 
-def _by_motion(inside: BoolArray, of: Int64Array) -> dict[str, Float64Array]:
-    """Of windows [n] that belong to motions `of` [n], and what is in their balls [n, m]: sums over each motion's."""
-    counts = {"coverage": inside.any(axis=1), "density": inside.sum(axis=1)}
-    return {name: np.bincount(of, weights=each.astype(float)) for name, each in counts.items()}
+@dataclass(frozen=True)
+class Balls:
+    """The unseen windows [n] of one fold, and which of m made and known ones are in the balls about them.
 
-
-def intervals(folds: Sequence[dict[str, Any]], draws: int = 1000) -> dict[str, list[float]]:
-    """Between which shares of made over known nine in ten draws are, unseen motions drawn again in every fold.
-
-    Args:
-        folds: `by_motion` of each.
-        draws: how many.
+    Attributes:
+        of: [n] the motion that each is of.
+        made, known: [n, m].
     """
-    rng, sums = np.random.default_rng(0), {(side, name): 0.0 for side in ("made", "known") for name in SHARES}
-    for fold in folds:
-        count = len(fold["windows"])
-        weights = rng.multinomial(count, np.full(count, 1 / count), size=draws)
-        for side, name in sums:
-            sums[side, name] = sums[side, name] + weights @ fold[side][name] / (weights @ fold["windows"])
-    found = {}
-    for name in SHARES:
-        share = sums["made", name] / np.maximum(sums["known", name], 1e-9)
-        found[name] = np.quantile(share, INTERVAL).tolist()
-    return found
+
+    of: Int64Array
+    made: BoolArray
+    known: BoolArray
+
+    def drawn(self, rng: np.random.Generator) -> list[list[float]]:
+        """Coverage and, but for a factor, density by made and by known windows, all drawn again: unseen by motion."""
+        count = int(self.of.max()) + 1
+        times = np.bincount(rng.integers(count, size=count), minlength=count)[self.of]
+        found = []
+        for inside in (self.made, self.known):
+            some = inside[:, rng.integers(inside.shape[1], size=inside.shape[1])]
+            found.append([float(times @ each / times.sum()) for each in (some.any(axis=1), some.sum(axis=1))])
+        return found
+
+
+def intervals(folds: Sequence[Balls], draws: int = 1000) -> dict[str, list[float]]:
+    """Between which shares of made over known nine in ten draws are, all windows drawn again in every fold."""
+    rng = np.random.default_rng(0)
+    sums = np.array([np.sum([fold.drawn(rng) for fold in folds], axis=0) for _ in range(draws)])
+    shares = sums[:, 0] / np.maximum(sums[:, 1], 1e-9)
+    return {name: np.quantile(shares[:, i], INTERVAL).tolist() for i, name in enumerate(SHARES)}
 
 
 def _some(rows: FloatArray, count: int) -> FloatArray:
