@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 from motionlake.arrays import BoolArray, Float32Array, Float64Array, Int64Array
 from motionlake.matching import DATABASE_VERSION
+from motionlake.matching.actions import FASTEST, comes_to_rest, has_a_course
 from motionlake.matching.features import AHEAD, PLACES, POSE, VELOCITIES, features, mirrored_features, scales
 from motionlake.matching.flights import longest_flights
 from motionlake.matching.recordings import (
@@ -34,10 +35,7 @@ METADATA_KEY: Final = "matching_database"
 MOST_FRAMES: Final = 200_000  # at 30 a second; of more, pieces are drawn
 APART: Final = 3  # frames: poses so near in time are joined and nobody sees it
 LEAST_SPEED: Final = 0.3  # body lengths a second: a class whose frames mostly go faster gets about
-ASKED, AMONG = 300, 3000  # frames that are mirrored, and compared with, to tell whether a class is done with one side
-ACTION: Final = 150  # frames that half of the recordings of an action have at most
-RESTING: Final = 5  # last frames of a recording, in which its mean squared speed is less than this share of the class's
-RESTS: Final = 0.2
+ASKED, AMONG = 300, 3000  # frames of a class that are compared, and with how many, to tell what it is like
 QUANTILES: Final = (0.05, 0.5, 0.95)  # of the speeds of a class that metrics tell, metres a second
 _TENSORS: Final = ("rotations", "hips", "steps", "turns", "stands", "aloft", "flights", "features", "pieces", "fps")
 
@@ -118,18 +116,40 @@ class MotionDatabase:
         """
         if names_a_side(self.classes[target]):
             return True
-        own, rng = self.frames[target], np.random.default_rng(0)
-        asked, among = rng.permutation(own)[:ASKED], rng.permutation(own)[:AMONG]
+        asked, among = self._some(self.frames[target])
         poses, pieces = self.compared[:, :POSE] * self.scales[:POSE], self.piece_of
         return unlike_mirrored(poses[asked], poses[asked + len(self)], pieces[asked], poses[among], pieces[among])
 
-    def is_action(self, target: int) -> bool:
-        """Whether the recordings of a class are short and come to rest, so that it is done and not gone on with."""
-        pieces = self.pieces[self.pieces[:, 2] == target]
-        speeds = np.square(self.features[:, VELOCITIES]).mean(axis=1)
-        rest = np.median([speeds[stop - RESTING : stop].mean() for stop in pieces[:, 1]])
-        short = np.median(pieces[:, 1] - pieces[:, 0]) <= ACTION
-        return bool(short and rest < RESTS * speeds[self.frames[target]].mean())
+    @cached_property
+    def resting(self) -> list[bool]:
+        """Of every class whether it comes to rest (`actions.comes_to_rest`)."""
+        every = range(len(self.classes))
+        return [comes_to_rest(self._speeds, self.pieces[self.pieces[:, 2] == i, :2]) for i in every]
+
+    @cached_property
+    def actions(self) -> list[bool]:
+        """Of every class whether it is done and not gone on with: it comes to rest, or has a course (`actions`)."""
+        lengths, own = self.pieces[:, 1] - self.pieces[:, 0], self.piece_of
+        places = (np.arange(len(self)) - self.pieces[own, 0]) / np.maximum(1, lengths[own] - 1)
+        poses = self.features[:, :POSE] * self.scales[:POSE]
+
+        def follows(target: int) -> bool:
+            speeds = self._speeds[self.frames[target]]
+            asked, among = self._some(self.frames[target], speeds >= np.quantile(speeds, 1 - FASTEST))
+            return has_a_course(poses[asked], own[asked], places[asked], poses[among], own[among], places[among])
+
+        return [rests or follows(i) for i, rests in enumerate(self.resting)]
+
+    @cached_property
+    def _speeds(self) -> Float64Array:
+        """[N] mean squared speeds of the joints."""
+        return np.asarray(np.square(self.features[:, VELOCITIES]).mean(axis=1, dtype=np.float64))
+
+    def _some(self, own: Int64Array, chosen: BoolArray | None = None) -> tuple[Int64Array, Int64Array]:
+        """Some of a class's frames [n], of the chosen ones [n] alone, and those that they are compared with."""
+        rng = np.random.default_rng(0)
+        asked = own if chosen is None else own[chosen]
+        return rng.permutation(asked)[:ASKED], rng.permutation(own)[:AMONG]
 
     @cached_property
     def landing(self) -> Int64Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -17,7 +18,8 @@ REST: Final = 30  # frames that should follow where a run begins
 SHORT: Final = 3.0  # tolerances that a run costs of which nothing is left
 LEAST: Final = 4  # frames that must follow
 LATE: Final = 4.0  # tolerances that a run of an action costs which ends a second before the motion does, or after it
-IN_TIME: Final = 15  # frames about the end of a motion in which an action may end
+IN_TIME: Final = 15  # frames about the end of a motion in which an action may end that comes to rest
+STRETCH: Final = 1.15  # times as fast or slow that another action is played at most, to end with the motion
 BEFORE: Final = 0.5  # weight of the frames a tenth of a second before
 UNEVEN: Final = 2.0  # tolerances that a recording costs which was played for `AGAIN` frames more than its share
 
@@ -57,17 +59,46 @@ def costs_of_short(database: MotionDatabase, rows: Int64Array, rest: float = RES
     return np.where(left >= min(LEAST, rest), cost, np.inf)
 
 
-def costs_of_late(database: MotionDatabase, target: int, frames: int) -> Float64Array:
-    """[n] what rows of an action cost whose recordings do not come to rest when a motion is over.
+@dataclass(frozen=True)
+class Ending:
+    """How the last action of a motion ends with it.
 
-    Nothing where the motion is too short for half of the action.
+    Attributes:
+        database: that is played.
+        target: class of the last part of the motion.
+        whole: it is an action, and there is time for half of it at least.
     """
-    pieces = database.pieces[database.pieces[:, 2] == target]
-    rows = database.rows[target]
-    if frames < np.median(pieces[:, 1] - pieces[:, 0]) / 2:
-        return np.zeros(len(rows))
-    off = np.abs(database.left[rows % len(database)] - frames)
-    return np.asarray(LATE * database.tolerance * np.minimum(off / FPS, 1.0))
+
+    database: MotionDatabase
+    target: int
+    whole: bool
+
+    @classmethod
+    def of(cls, database: MotionDatabase, target: int, frames: float) -> Ending:
+        """Of a motion whose last part has time for so many frames."""
+        pieces = database.pieces[database.pieces[:, 2] == target]
+        half = np.median(pieces[:, 1] - pieces[:, 0]) / 2
+        return cls(database, target, bool(frames >= half and database.actions[target]))
+
+    def costs(self, remaining: float) -> Float64Array:
+        """[n] what rows of the class cost whose recordings do not end when so many frames are over."""
+        rows = self.database.rows[self.target]
+        if not self.whole:
+            return np.zeros(len(rows))
+        off = np.abs(self.database.left[rows % len(self.database)] - remaining)
+        return np.asarray(LATE * self.database.tolerance * np.minimum(off / FPS, 1.0))
+
+    def pace(self, left: float, remaining: float) -> float | None:
+        """How fast an action of which so many frames are left is played, to end with the motion; None if it cannot.
+
+        One that comes to rest is played as recorded, and may end up to `IN_TIME` frames before or after that.
+        """
+        if not self.whole:
+            return None
+        if self.database.resting[self.target]:
+            return 1.0 if abs(left - remaining) <= IN_TIME else None
+        pace = left / max(remaining, 1.0)
+        return pace if 1 / STRETCH <= pace <= STRETCH else None
 
 
 def costs_of_before(database: MotionDatabase, target: int, before: Float32Array, weights: Float32Array) -> Float64Array:

@@ -16,7 +16,7 @@ from motionlake.matching import played
 from motionlake.matching.course import Course, Part, Start
 from motionlake.matching.database import MotionDatabase
 from motionlake.matching.features import AHEAD, HEADINGS, PLACES, POSE
-from motionlake.matching.played import BESIDE, IN_TIME, REST, SHORT, Played
+from motionlake.matching.played import BESIDE, REST, SHORT, Ending, Played
 from motionlake.matching.recordings import FPS
 from motionlake.matching.search import distances, drawn
 from motionlake.matching.steering import Steering
@@ -63,7 +63,7 @@ class Player:
         self._frames_of = [rows % len(database) for rows in database.rows]
         self._flights = [database.longest_flight(target) for target in range(len(database.rows))]
         self._short = [played.costs_of_short(database, rows) for rows in database.rows]
-        self._actions = [database.is_action(target) for target in range(len(database.rows))]
+        self._ending = Ending.of(database, parts[-1].target, (frames - parts[-1].first) * pace)
         self._style = [np.zeros(1) if style is None else style[rows] for rows in database.rows]
         self._at, self._mirrored, self._even = 0.0, False, style is None
         self._drift_speed = np.zeros(3)  # by which the root goes otherwise than the run that is played
@@ -116,11 +116,9 @@ class Player:
         if self._is_aimed(0):
             self._aim(query, start.place, start.heading, float(np.hypot(*start.step[:2])), 0)
             weights = self._scales
-        target, beside = self._parts[0].target, np.zeros(1)
-        if self._actions[target] and len(self._parts) == 1:
-            beside = beside + played.costs_of_late(self._data, target, round(self._frames * self._pace))
+        beside = np.zeros(1)
         if start.before is not None:
-            beside = beside + played.costs_of_before(self._data, target, start.before, self._given)
+            beside = played.costs_of_before(self._data, self._parts[0].target, start.before, self._given)
         # The nearest to the last given frame is found; the first frame of the motion is the one after it.
         self._go(self._choose(query, start.aloft, 0, weights, 1.0, beside) + 1, 0)
         self._drift_speed = start.step - self._rates()
@@ -142,13 +140,24 @@ class Player:
 
     def _rate(self, t: int) -> float:
         """How many recorded frames a frame takes."""
+        ending = self._ends_at(t)
+        if ending is not None:
+            return self._pace * ending
         return self._pace * (self._steering.rate(t) if self._steering is not None else 1.0)
+
+    def _ends_at(self, t: int) -> float | None:
+        """How fast the action that is played goes on to end with the motion; None where it does not."""
+        if self._part + 1 < len(self._parts) or self._is_aimed(t):
+            return None
+        left = (self._end - 1 - self._at) / self._pace
+        return self._ending.pace(left, self._frames - 1 - t)
 
     def _step(self, here: Float64Array, yaw: float, t: int) -> tuple[Float64Array, float]:
         rate = self._rate(t)
         y = 2 * math.log(2) / SETTLE
         drift = self._drift_speed * math.exp(-y * (t - self._since) / FPS) * (1 + y * (t - self._since) / FPS)
-        left, ahead, turn = (self._rates() * rate + drift) / FPS
+        moves = self._at < self._end - 1.0  # a run that is over stands still
+        left, ahead, turn = (self._rates() * rate * moves + drift) / FPS
         cos, sin = math.cos(yaw), math.sin(yaw)
         there = here + np.array([left * cos + ahead * sin, ahead * cos - left * sin])
         yaw += turn
@@ -208,7 +217,9 @@ class Player:
         beside += FLIGHT * np.abs(self._data.aloft[frames] - aloft)
         landing = self._data.landing[frames]
         beside += TOO_LONG * (aloft + landing > self._flights[target]) * (landing > 0)
-        return np.asarray(out + self._ends(target, t) + self._style[target] + self._data.tolerance * beside)
+        last = self._part + 1 == len(self._parts) and not self._is_aimed(t)
+        late = self._ending.costs((self._frames - t) * self._pace) if last else 0.0
+        return np.asarray(out + self._ends(target, t) + self._style[target] + late + self._data.tolerance * beside)
 
     def _ends(self, target: int, t: int) -> Float64Array:
         """[n] what rows of a class cost of whose recordings little is left, for a while or to the end of the motion."""
@@ -237,7 +248,7 @@ class Player:
                 return self._choose(query, self._aloft(), t, weights, 0.3)
             found = self._choose(query, self._aloft(), t, weights, 0.15)
             return found if self._nearer(found, query, weights, t) else None
-        if (not ends and (t < self._until or self._temperature == 0)) or self._is_done(t):
+        if (not ends and (t < self._until or self._temperature == 0)) or self._ends_at(t) is not None:
             return None
         query = self._query(here, yaw, t)
         if ends:
@@ -246,12 +257,6 @@ class Player:
         found = self._choose(query, self._aloft(), t, self._pose, 1.0)
         apart = np.linalg.norm((self._data.compared[found] - query) * self._pose)
         return found if apart <= self._data.tolerance else None
-
-    def _is_done(self, t: int) -> bool:
-        """Whether an action that is played comes to its end about when the motion does."""
-        if self._part + 1 < len(self._parts) or not self._actions[self._parts[self._part].target]:
-            return False
-        return bool(abs(self._data.left[int(self._at)] / self._pace - (self._frames - 1 - t)) <= IN_TIME)
 
     def _nearer(self, row: int, query: Float32Array, weights: Float32Array, t: int) -> bool:
         """Whether a run from a row on is better than to go on."""

@@ -39,7 +39,13 @@ def nearest_of_another(
     poses: FloatArray, clips: Int64Array, others: FloatArray, clips_of_others: Int64Array
 ) -> Float64Array:
     """[n] distances of poses [n, d] from the nearest of others [m, d] of another clip; infinite where there is none."""
+    return np.asarray(apart_of_another(poses, clips, others, clips_of_others).min(axis=1, initial=np.inf))
+
+
+def apart_of_another(
+    poses: FloatArray, clips: Int64Array, others: FloatArray, clips_of_others: Int64Array
+) -> Float64Array:
+    """[n, m] distances of poses [n, d] from others [m, d]; infinite between poses of one clip."""
     from scipy.spatial.distance import cdist
 
-    apart = np.where(clips[:, None] == clips_of_others, np.inf, cdist(poses, others))
-    return np.asarray(apart.min(axis=1, initial=np.inf), dtype=np.float64)
+    return np.where(clips[:, None] == clips_of_others, np.inf, cdist(poses, others)).astype(np.float64)

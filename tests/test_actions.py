@@ -1,0 +1,108 @@
+"""Actions, which are done once, told from motion that goes on; an action ends with the motion that is made of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from motionlake.matching.actions import comes_to_rest, has_a_course
+from motionlake.matching.course import Part, Start
+from motionlake.matching.database import MotionDatabase, build_database
+from motionlake.matching.generator import MatchingGenerator
+from motionlake.matching.played import STRETCH
+from motionlake.matching.player import Player
+from motionlake.matching.recordings import MatchingClip
+from motionlake.motion.generation import FPS, MotionRequest
+
+from bench.canonical_sets import LabelledClip, LabelledSet, Row, read
+from bench.classes import CLASSES
+from bench.matching import offsets_of, seed_of
+
+HDM05 = ("depositFloorR", "elbowToKnee1RepsLelbowStart", "grabHighR", "jogLeftCircle4StepsRstart", "kickLFront1Reps")
+
+
+def database(clips: list[LabelledClip]) -> MotionDatabase:
+    return build_database(
+        [MatchingClip(c.name, 0, c.label, c.positions, c.rotations, offsets_of(c), c.fps) for c in clips]
+    )
+
+
+def labelled(*names: str) -> Callable[[Row], bool]:
+    return lambda row: row["label"] in names
+
+
+@cache
+def hdm05() -> list[LabelledClip]:
+    return read(LabelledSet("hdm05", "label", labelled(*HDM05)))
+
+
+@pytest.mark.recordings
+def test_actions_of_sets_that_are_cut_tight_are_told(recordings: Path) -> None:
+    """They end while the body still moves."""
+    data = database(hdm05())
+    assert data.actions == [True] * len(HDM05)
+    assert not all(data.resting)
+    going = database([clip for name in ("walk", "run", "salsa") for clip in read(CLASSES[name])[:9]])
+    assert going.actions == [False] * 3
+    styles = database(read(LabelledSet("bandai1", "label", labelled("walk", "run"))))
+    assert styles.actions == [False] * 2
+
+
+def test_a_course_is_told_by_where_alike_poses_are() -> None:
+    places, clips = np.tile(np.linspace(0, 1, 50), 4), np.repeat(np.arange(4), 50)
+    rng = np.random.default_rng(0)
+    along = places[:, None] + 0.01 * rng.standard_normal((200, 1))
+    phases = 8 * np.pi * places + rng.uniform(0, 2 * np.pi, 4)[clips]
+    again = np.stack([np.sin(phases), np.cos(phases)], axis=1) + 0.1 * rng.standard_normal((200, 2))
+    assert has_a_course(along, clips, places, along, clips, places)
+    assert not has_a_course(again, clips, places, again, clips, places)
+    alone = np.zeros(200, dtype=np.int64)
+    assert not has_a_course(along, alone, places, along, alone, places), "one recording tells nothing"
+
+
+def test_rest_is_a_slow_end_of_short_recordings() -> None:
+    speeds = np.concatenate([np.full(55, 1.0), np.full(5, 0.1)] * 3)
+    pieces = np.array([(0, 60), (60, 120), (120, 180)])
+    assert comes_to_rest(speeds, pieces)
+    assert not comes_to_rest(speeds[::-1], pieces)
+    assert not comes_to_rest(np.repeat(speeds, 4), 4 * pieces), "eight seconds are no action"
+
+
+@pytest.mark.recordings
+def test_an_action_that_ends_moving_is_played_to_its_end_and_never_stands_still(recordings: Path) -> None:
+    data = database([clip for clip in hdm05() if clip.subject != "tr"])
+    lengths = {name: stop - start for name, (start, stop, *_) in zip(data.clips, data.pieces.tolist(), strict=True)}
+    ends, paces = [], []
+    for i, clip in enumerate(c for c in hdm05() if c.subject == "tr"):
+        seconds = len(clip.positions) / clip.fps - 0.5
+        if seconds < 0.7:
+            continue
+        (made,) = MatchingGenerator(data).generate([MotionRequest((clip.label,), seconds, i, seed_of(clip))])
+        moved = np.abs(np.diff(made.positions, axis=0)).max(axis=(1, 2))
+        assert moved.min() > 1e-4
+        source = made.sources[-1]
+        ends.append(lengths[source.clip] - 1 - (source.last - 1) / 120 * FPS)
+        if source.start == 0:
+            paces.append((source.last - source.first) / 120 / ((source.stop - source.start) / FPS))
+    assert np.mean(np.abs(ends) < 6) > 0.8, "frames of the recording that are left over"
+    assert min(paces) > 1 / STRETCH - 0.05
+    assert max(paces) < STRETCH + 0.05
+
+
+@pytest.mark.recordings
+def test_a_body_whose_action_is_over_stands_still(recordings: Path) -> None:
+    """It went on as it had in its last frame, in one pose."""
+    data = database([clip for clip in hdm05() if clip.label.startswith("jog")])
+    data.__dict__["resting"] = [True]  # as if it came to rest, so that it may end before the motion does
+    lengths = data.pieces[:, 1] - data.pieces[:, 0]
+    first, frames = int(data.pieces[lengths.argmax(), 0]), int(lengths.max()) + 8
+    step = np.array([*data.steps[first], data.turns[first]], dtype=float)
+    player = Player(data, [Part(0, 0)], frames, np.random.default_rng(0), temperature=0.0)
+    course = player.run(Start(data.features[first], 0.0, step, np.zeros(2), 0.0))
+    over = np.flatnonzero(np.diff(course.at) == 0) + 1
+    assert len(over) > 2
+    moved = np.linalg.norm(np.diff(course.place, axis=0), axis=1)
+    assert moved[over[1:] - 1].max() < 0.02 * np.median(moved)
