@@ -21,7 +21,11 @@ def dance(name: str) -> LabelledSet:
 
 
 def action(name: str) -> LabelledSet:
-    return LabelledSet("utd_mhad", "label", lambda row: row["label"] == name)
+    return labelled("utd_mhad", name)
+
+
+def labelled(folder: str, name: str) -> LabelledSet:
+    return LabelledSet(folder, "label", lambda row: row["label"] == name)
 
 
 # Six of the 27 classes of utd_mhad: those that numpy's default_rng(0) chooses from their sorted names.
@@ -35,3 +39,16 @@ GOING: Final = {
     "martial": dance("martial"),
 }
 CLASSES: Final = {**GOING, **{name: action(name) for name in ACTIONS}}
+
+# Of sets by which no weight of motion matching was chosen: classes with ten clips and more, of which half last 1.2 s.
+_HDM05: Final = (
+    "depositFloorR", "elbowToKnee1RepsLelbowStart", "grabHighR", "jogLeftCircle4StepsRstart", "kickLFront1Reps",
+    "lieDownFloor", "sneak2StepsLStart", "squat1Reps", "throwBasketball",
+)  # fmt: skip
+_BANDAI1: Final = (
+    "bow", "bye", "byebye", "dash", "guide", "run", "walk", "walk-back", "walk-left", "walk-right",
+)  # fmt: skip
+OTHERS: Final = {
+    **{f"hdm05 {name}": labelled("hdm05", name) for name in _HDM05},
+    **{f"bandai1 {name}": labelled("bandai1", name) for name in _BANDAI1},
+}

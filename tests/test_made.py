@@ -66,7 +66,7 @@ def test_rigid_recordings_are_as_near_as_bones_of_constant_length_can_be(recordi
     np.testing.assert_allclose(rigid(walk).positions, walk.positions, atol=1e-3)
 
 
-@pytest.mark.parametrize("split", ["salsa", "walk, other subjects", "actions, other subjects"])
+@pytest.mark.parametrize("split", ["salsa", "walk, other subjects", "actions, other subjects", "hdm05, other subjects"])
 def test_what_is_left_out_is_not_known(recordings: Path, split: str) -> None:
     left: list[tuple[str, str, str]] = []
     for fold in range(FOLDS):

@@ -16,11 +16,11 @@ from typing import Any, Final
 
 from motionlake.evaluation.synthesis.errors import MILLISECONDS
 
-from bench.classes import CLASSES
+from bench.classes import CLASSES, OTHERS
 from bench.glogen.dense import means
 from bench.made import blind, errors, table
 from bench.made.generators import RECIPES
-from bench.made.splits import FOLDS, SPLITS
+from bench.made.splits import FOLDS, SPLITS, TUNED
 from bench.made.windows import SHARES
 from bench.record import hash_files, record, recordings
 from bench.units import Found, in_processes
@@ -59,7 +59,7 @@ def _lines(rows: Mapping[str, Found]) -> list[str]:
 def measure_errors(given: argparse.Namespace) -> dict[str, Any]:
     units = [
         errors.Unit(name, method, fold, given.epochs, given.generators)
-        for name in given.splits or SPLITS for method in given.methods or errors.METHODS for fold in given.folds
+        for name in given.splits or TUNED for method in given.methods or errors.METHODS for fold in given.folds
     ]  # fmt: skip
     kept: dict[str, dict[str, list[Any]]] = {}
     for unit, rows in in_processes(errors.measure, units, given.processes, str, given.keep):
@@ -94,7 +94,7 @@ def main() -> None:
 
 
 def _recorded(name: str, found: Mapping[str, Any], kept: Path | None = None) -> None:
-    folders = sorted({chosen.folder for chosen in CLASSES.values()})
+    folders = sorted({chosen.folder for chosen in (CLASSES | OTHERS).values()})
     files = [path for folder in folders for path in (recordings() / folder).rglob("*") if path.is_file()]
     print(f"wrote {record(f'made-{name}', found, hash_files(files, recordings()), kept=kept)}")
 

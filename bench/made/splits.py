@@ -18,7 +18,7 @@ from motionlake.motion.resampling import resample
 from motionlake.motion.skeleton import PARENTS
 
 from bench.canonical_sets import LabelledClip, read
-from bench.classes import ACTIONS, CLASSES, GOING
+from bench.classes import ACTIONS, CLASSES, GOING, OTHERS
 
 FOLDS: Final = 3
 
@@ -31,17 +31,23 @@ class Split:
     by: Literal["name", "subject"] = "name"
 
 
-SPLITS: Final = {
+# Those by whose clips constants were chosen, or at least looked at.
+TUNED: Final = {
     **{name: Split((name,)) for name in GOING},
     "walk, other subjects": Split(("walk",), "subject"),
     "actions, other subjects": Split(ACTIONS, "subject"),
+}
+SPLITS: Final = {
+    **TUNED,
+    "hdm05, other subjects": Split(tuple(name for name in OTHERS if name.startswith("hdm05")), "subject"),
+    "bandai1": Split(tuple(name for name in OTHERS if name.startswith("bandai1"))),
 }
 
 
 @cache
 def clips_of(label: str) -> list[LabelledClip]:
     """The clips of a class, without calibration poses and beyond no jump: each the longest stretch that is left."""
-    return [_recorded(replace(clip, label=label)) for clip in read(CLASSES[label])]
+    return [_recorded(replace(clip, label=label)) for clip in read((CLASSES | OTHERS)[label])]
 
 
 def _recorded(clip: LabelledClip) -> LabelledClip:
