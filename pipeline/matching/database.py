@@ -24,6 +24,7 @@ from motionlake.matching.recordings import (
     rooted,
     sound_ranges,
 )
+from motionlake.motion.flips import without_flips
 from motionlake.motion.ground import ground_of, levelled
 from motionlake.motion.limbs import even_limbs
 from motionlake.motion.rotations import turn_on_ground
@@ -286,7 +287,7 @@ def _pieces(clip: MatchingClip) -> list[_Piece]:
     for start, stop in ranges:
         if (stop - start - 1) / clip.fps * FPS + 1 < SHORTEST:
             continue
-        motion = rooted(positions[start:stop], rotations[start:stop], body, clip.fps)
+        motion = rooted(positions[start:stop], without_flips(rotations[start:stop]), body, clip.fps)
         found.append(_Piece(clip.clip, clip.start + start, clip.label, clip.fps, body_length(body), motion))
     return found
 

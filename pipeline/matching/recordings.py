@@ -13,7 +13,6 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import BoolArray, Float64Array
 from motionlake.motion.calibration import recorded_range
-from motionlake.motion.flips import without_flips
 from motionlake.motion.generation import FPS as FPS
 from motionlake.motion.generation import SeedClip
 from motionlake.motion.kinematics import continuous_signs, local_rotations, world_from_positions
@@ -125,8 +124,7 @@ def rooted(
     """
     if rotations is None:
         rotations = local_rotations(world_from_positions(np.ascontiguousarray(positions, dtype=float)))
-    rotations = without_flips(np.asarray(rotations, dtype=float))
-    rotations = nearest_limbs(np.asarray(positions, dtype=float), rotations, rest_offsets)
+    rotations = nearest_limbs(np.asarray(positions, dtype=float), np.asarray(rotations, dtype=float), rest_offsets)
     local = resample(rotations, fps, FPS, spherical=True)
     # The joints as recorded, which a depth sensor's bones of changing length make others than forward kinematics does.
     world = resample(np.asarray(positions, dtype=float), fps, FPS) / body_length(rest_offsets)
