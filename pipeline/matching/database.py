@@ -121,25 +121,31 @@ class MotionDatabase:
         poses, pieces = self.compared[:, :POSE] * self.scales[:POSE], self.piece_of
         return unlike_mirrored(poses[asked], poses[asked + len(self)], pieces[asked], poses[among], pieces[among])
 
-    @cached_property
-    def resting(self) -> list[bool]:
-        """Of every class whether it comes to rest (`actions.comes_to_rest`)."""
-        every = range(len(self.classes))
-        return [comes_to_rest(self._speeds, self.pieces[self.pieces[:, 2] == i, :2]) for i in every]
+    def is_resting(self, target: int) -> bool:
+        """Whether the recordings of a class are short and come to rest (`actions.comes_to_rest`)."""
+        return comes_to_rest(self._speeds, self.pieces[self.pieces[:, 2] == target, :2])
+
+    def is_action(self, target: int) -> bool:
+        """Whether a class is done and not gone on with: it comes to rest, or has a course (`actions`)."""
+        if target not in self._actions:
+            self._actions[target] = self.is_resting(target) or self._has_a_course(target)
+        return self._actions[target]
 
     @cached_property
-    def actions(self) -> list[bool]:
-        """Of every class whether it is done and not gone on with: it comes to rest, or has a course (`actions`)."""
-        lengths, own = self.pieces[:, 1] - self.pieces[:, 0], self.piece_of
-        places = (np.arange(len(self)) - self.pieces[own, 0]) / np.maximum(1, lengths[own] - 1)
-        poses = self.features[:, :POSE] * self.scales[:POSE]
+    def _actions(self) -> dict[int, bool]:
+        """What `is_action` has found."""
+        return {}
 
-        def follows(target: int) -> bool:
-            speeds = self._speeds[self.frames[target]]
-            asked, among = self._some(self.frames[target], speeds >= np.quantile(speeds, 1 - FASTEST))
-            return has_a_course(poses[asked], own[asked], places[asked], poses[among], own[among], places[among])
-
-        return [rests or follows(i) for i, rests in enumerate(self.resting)]
+    def _has_a_course(self, target: int) -> bool:
+        speeds = self._speeds[self.frames[target]]
+        asked, among = self._some(self.frames[target], speeds >= np.quantile(speeds, 1 - FASTEST))
+        poses, places = [], []
+        for frames in (asked, among):
+            first, stop = self.pieces[self.piece_of[frames], :2].T
+            places.append((frames - first) / np.maximum(1, stop - 1 - first))
+            poses.append(self.features[frames, :POSE] * self.scales[:POSE])
+        clips = self.piece_of[asked], self.piece_of[among]
+        return has_a_course(poses[0], clips[0], places[0], poses[1], clips[1], places[1])
 
     @cached_property
     def _speeds(self) -> Float64Array:

@@ -67,18 +67,21 @@ class Ending:
         database: that is played.
         target: class of the last part of the motion.
         whole: it is an action, and there is time for half of it at least.
+        rests: it comes to rest.
     """
 
     database: MotionDatabase
     target: int
     whole: bool
+    rests: bool
 
     @classmethod
     def of(cls, database: MotionDatabase, target: int, frames: float) -> Ending:
         """Of a motion whose last part has time for so many frames."""
         pieces = database.pieces[database.pieces[:, 2] == target]
         half = np.median(pieces[:, 1] - pieces[:, 0]) / 2
-        return cls(database, target, bool(frames >= half and database.actions[target]))
+        whole = bool(frames >= half and database.is_action(target))
+        return cls(database, target, whole, whole and database.is_resting(target))
 
     def costs(self, remaining: float) -> Float64Array:
         """[n] what rows of the class cost whose recordings do not end when so many frames are over."""
@@ -95,7 +98,7 @@ class Ending:
         """
         if not self.whole:
             return None
-        if self.database.resting[self.target]:
+        if self.rests:
             return 1.0 if abs(left - remaining) <= IN_TIME else None
         pace = left / max(remaining, 1.0)
         return pace if 1 / STRETCH <= pace <= STRETCH else None
