@@ -97,6 +97,20 @@ def test_an_action_that_ends_moving_is_played_to_its_end_and_never_stands_still(
 
 
 @pytest.mark.recordings
+def test_the_last_action_of_several_ends_with_the_motion(recordings: Path) -> None:
+    data = database(hdm05())
+    lengths = {name: stop - start for name, (start, stop, *_) in zip(data.clips, data.pieces.tolist(), strict=True)}
+    left = []
+    for seed in range(8):
+        start = seed_of(hdm05()[seed])
+        asked = MotionRequest((HDM05[2], HDM05[4]), 4.0, seed, start, shares=(2.0, 2.0))
+        (made,) = MatchingGenerator(data).generate([asked])
+        source = made.sources[-1]
+        left.append(lengths[source.clip] - 1 - (source.last - 1) / 120 * FPS)
+    assert np.mean(np.abs(left) < 6) > 0.7
+
+
+@pytest.mark.recordings
 def test_a_body_whose_action_is_over_stands_still(recordings: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It went on as it had in its last frame, in one pose."""
     data = database([clip for clip in hdm05() if clip.label.startswith("jog")])

@@ -21,7 +21,8 @@ from motionlake.motion.generation import FPS, MotionRequest
 from motionlake.motion.resampling import interpolated
 from motionlake.motion.skeleton import PARENTS, body_poses, mirrored_positions
 
-from bench.classes import ACTIONS, CLASSES, GOING
+from bench.canonical_sets import load
+from bench.classes import ACTIONS, CLASSES, GOING, OTHERS
 from bench.glogen import sets
 from bench.glogen.controls import held, shuffled
 from bench.glogen.dense import HORIZON, apart
@@ -39,6 +40,16 @@ def test_six_actions_are_those_that_a_seed_draws(recordings: Path) -> None:
         names = sorted({row["label"] for row in csv.DictReader(handle)})
     drawn = np.random.default_rng(0).choice(len(names), len(ACTIONS), replace=False)
     assert tuple(names[i] for i in sorted(drawn.tolist())) == ACTIONS
+
+
+def test_other_sets_have_every_class_of_clips_enough_and_long_enough(recordings: Path) -> None:
+    found = []
+    for folder in ("hdm05", "bandai1"):
+        seconds: dict[str, list[float]] = {}
+        for clip in load(folder):
+            seconds.setdefault(clip.label, []).append(len(clip.positions) / clip.fps)
+        found += [f"{folder} {name}" for name, own in seconds.items() if len(own) >= 10 and np.median(own) >= 1.2]
+    assert sorted(found) == sorted(OTHERS)
 
 
 def test_networks_and_matching_are_measured_by_the_same_clips(recordings: Path) -> None:

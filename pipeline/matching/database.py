@@ -123,17 +123,21 @@ class MotionDatabase:
 
     def is_resting(self, target: int) -> bool:
         """Whether the recordings of a class are short and come to rest (`actions.comes_to_rest`)."""
-        return comes_to_rest(self._speeds, self.pieces[self.pieces[:, 2] == target, :2])
+        return self._kind(target)[0]
 
     def is_action(self, target: int) -> bool:
         """Whether a class is done and not gone on with: it comes to rest, or has a course (`actions`)."""
-        if target not in self._actions:
-            self._actions[target] = self.is_resting(target) or self._has_a_course(target)
-        return self._actions[target]
+        return self._kind(target)[1]
+
+    def _kind(self, target: int) -> tuple[bool, bool]:
+        """Whether a class comes to rest, and whether it is an action: found out when it is first asked for."""
+        if target not in self._kinds:
+            rests = comes_to_rest(self._speeds, self.pieces[self.pieces[:, 2] == target, :2])
+            self._kinds[target] = rests, rests or self._has_a_course(target)
+        return self._kinds[target]
 
     @cached_property
-    def _actions(self) -> dict[int, bool]:
-        """What `is_action` has found."""
+    def _kinds(self) -> dict[int, tuple[bool, bool]]:
         return {}
 
     def _has_a_course(self, target: int) -> bool:
