@@ -24,7 +24,7 @@ from motionlake.matching.inertia import decayed, joined_points, joined_rotations
 from motionlake.matching.played import AGAIN, UNEVEN, Played, costs_of_before, costs_of_short
 from motionlake.matching.player import Player
 from motionlake.matching.recordings import FEET, MatchingClip, aloft, rooted, sound_ranges, standing
-from motionlake.matching.search import distances
+from motionlake.matching.search import distances, drawn
 from motionlake.motion.generation import FPS, Control, GeneratedMotion, MotionRequest
 from motionlake.motion.ground import Ground, ground_of, levelled
 from motionlake.motion.kinematics import forward_kinematics
@@ -210,6 +210,39 @@ def test_of_frames_about_as_near_that_is_gone_on_from_which_came_as_the_given_on
 
     assert gone_on(data.features[own - 3]) == own + 1
     assert gone_on(data.features[other - 3]) == other + 1
+
+
+@given(st.lists(st.tuples(st.floats(0, 3), st.integers(0, 5)), min_size=1, max_size=60), st.integers(0, 1000))
+def test_of_each_recording_the_best_place_is_drawn(places: list[tuple[float, int]], seed: int) -> None:
+    costs, recordings = np.array([cost for cost, _ in places]), np.array([of for _, of in places])
+    rng = np.random.default_rng(seed)
+    for _ in range(5):
+        at = drawn(costs, 1.0, rng, recordings)
+        assert costs[at] <= costs.min() + 1.0
+        assert costs[at] == costs[recordings == recordings[at]].min()
+    assert costs[drawn(costs, 0.0, rng, recordings)] == costs.min()
+
+
+def test_who_stands_for_long_is_not_likelier_begun_in() -> None:
+    costs, recordings = np.array([0.0] * 40 + [0.1]), np.array([0] * 40 + [1])
+    rng = np.random.default_rng(0)
+    of_each = np.mean([drawn(costs, 1.0, rng, recordings) == 40 for _ in range(500)])
+    of_all = np.mean([drawn(costs, 1.0, rng) == 40 for _ in range(500)])
+    assert 0.35 < of_each < 0.55
+    assert of_all < 0.05
+
+
+def test_motion_begins_in_many_recordings(made_by: MatchingGenerator) -> None:
+    data = made_by.database
+    target = data.classes.index("walk")
+    first, stop = data.pieces[data.pieces[:, 2] == target][0, :2]
+    asked = int(first + stop) // 2
+    start = Start(data.features[asked], 0.0, np.zeros(3), np.zeros(2), 0.0, data.features[asked - 3])
+    begun = set()
+    for seed in range(60):
+        player = Player(data, [Part(target, 0)], 2, np.random.default_rng(seed))
+        begun.add(int(data.piece_of[int(player.run(start).at[0])]))
+    assert len(begun) > 9  # 7 where frames are drawn, of whichever recording
 
 
 def test_features_of_a_mirrored_clip_are_mirrored_features(recordings: Path) -> None:

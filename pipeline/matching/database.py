@@ -94,6 +94,11 @@ class MotionDatabase:
         return np.repeat(np.arange(len(self.pieces)), self.pieces[:, 1] - self.pieces[:, 0])
 
     @cached_property
+    def recordings(self) -> Int64Array:
+        """[2 N] piece of every row; a mirror image is another recording."""
+        return np.concatenate([self.piece_of, self.piece_of + len(self.pieces)])
+
+    @cached_property
     def left(self) -> Int64Array:
         """[N] frames that follow in the piece."""
         return np.asarray(self.pieces[self.piece_of, 1] - 1 - np.arange(len(self)))

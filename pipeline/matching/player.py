@@ -120,7 +120,7 @@ class Player:
         if start.before is not None:
             beside = played.costs_of_before(self._data, self._parts[0].target, start.before, self._given)
         # The nearest to the last given frame is found; the first frame of the motion is the one after it.
-        self._go(self._choose(query, start.aloft, 0, weights, 1.0, beside) + 1, 0)
+        self._go(self._choose(query, start.aloft, 0, weights, 1.0, beside, one_of_each=True) + 1, 0)
         self._drift_speed = start.step - self._rates()
 
     def _closing(self, first: tuple[float, bool]) -> int:
@@ -228,13 +228,14 @@ class Player:
 
     def _choose(
         self, query: Float32Array, aloft: float, t: int, weights: Float32Array, spread: float,
-        beside: Float64Array | float = 0.0,
+        beside: Float64Array | float = 0.0, one_of_each: bool = False,
     ) -> int:  # fmt: skip
-        """A row among the nearest: the nearer the likelier, within `spread` tolerances of the nearest."""
+        """A row among the nearest, or one of each recording: the nearer the likelier, within `spread` tolerances."""
         target = self._parts[self._part].target
         rows, costs = self._data.rows[target], self._costs(query, aloft, target, t, weights) + beside
         width = spread * self._temperature * self._data.tolerance
-        return int(rows[drawn(costs, width, self._rng)])
+        recordings = self._data.recordings[rows] if one_of_each else None
+        return int(rows[drawn(costs, width, self._rng, recordings)])
 
     def _next(self, here: Float64Array, yaw: float, t: int) -> int | None:
         """The row to jump to in this frame, if to any."""

@@ -6,7 +6,7 @@ import math
 from typing import Final
 
 import numpy as np
-from motionlake.arrays import Float64Array
+from motionlake.arrays import Float64Array, Int64Array
 from motionlake.kernels import njit
 
 NEAR: Final = 32  # nearest rows that chance chooses from
@@ -25,12 +25,19 @@ def distances(features, rows, query, weights, out):  # type: ignore[no-untyped-d
         out[i] = math.sqrt(total)
 
 
-def drawn(costs: Float64Array, width: float, rng: np.random.Generator) -> int:
-    """Place of one of the least costs [n], at most `width` above the least: the less, the likelier."""
+def drawn(costs: Float64Array, width: float, rng: np.random.Generator, recordings: Int64Array | None = None) -> int:
+    """Place of one of the least costs [n], at most `width` above the least: the less, the likelier.
+
+    Where it is said which recordings [n] the places are of, the best of each: else one that holds a pose for long is
+    drawn as many times likelier as there are frames of it.
+    """
     if width <= 0:
         return int(costs.argmin())
-    near = np.argpartition(costs, min(NEAR, len(costs) - 1))[:NEAR]
+    near = np.flatnonzero(costs <= costs.min() + width)
     near = near[np.argsort(costs[near], kind="stable")]
-    near = near[costs[near] <= costs[near[0]] + width]
+    if recordings is not None:
+        _, first = np.unique(recordings[near], return_index=True)
+        near = near[np.sort(first)]
+    near = near[:NEAR]
     chances = np.exp(-(costs[near] - costs[near[0]]) / (width / 2))
     return int(rng.choice(near, p=chances / chances.sum()))
