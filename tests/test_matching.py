@@ -35,6 +35,7 @@ from motionlake.weights import save_tensors
 
 from bench.canonical_sets import read
 from bench.classes import action
+from bench.made.splits import parted
 from bench.matching import clips_of, far_from, ground_under, offsets_of, recorded, seed_of, speeds, stands
 
 pytestmark = pytest.mark.recordings
@@ -127,6 +128,19 @@ def test_a_body_that_a_sensor_lifts_for_some_frames_stays_on_the_ground(made_by:
     assert above.max() < (HIGH + 0.005) * size
     assert above.min() > -0.005 * size
     assert abs(moved[0, 1] - hips[0, 1]) < 0.001  # what is given does not jump
+
+
+def test_who_lies_down_is_not_below_the_ground(recordings: Path) -> None:
+    """Feet of one who lies rest on their heels: the body was lowered, until these were as low as soles that stand."""
+    label = "hdm05 lieDownFloor"
+    known, unseen = ([clip for clip in some if clip.label == label] for some in parted("hdm05, other subjects", fold=0))
+    data = build_database(
+        [MatchingClip(c.name, 0, label, c.positions, c.rotations, offsets_of(c), c.fps) for c in known]
+    )
+    found = MatchingGenerator(data).generate([MotionRequest((label,), 4.0, 0, seed_of(c)) for c in unseen])
+    for made, clip in zip(found, unseen, strict=True):
+        ground = ground_of(clip.positions).level_at(clip.positions[made.seed_stop - 1, 0])
+        assert footing(made.positions, FPS, ground).depth < 0.03
 
 
 def test_a_foot_at_the_top_of_a_small_step_does_not_stand() -> None:

@@ -28,6 +28,10 @@ LEAST: Final = 0.05  # weight of no standing foot
 FLOOR: Final = 15.0  # frames: half-life of what given feet stood on above the ground, or below it
 EASE: Final = 8  # frames after given ones in which the body begins to settle
 BLEND: Final = 5  # frames over which a foot comes to where it stands, and leaves it
+SITS: Final = 0.12  # body lengths that the hips of one who sits or lies are above where toes stand, at most
+KNEELS: Final = 0.06  # likewise a knee that is on the ground
+SOLE: Final = [INDEX[name] for name in FEET]
+OTHERS: Final = [joint for joint in INDEX.values() if joint not in SOLE]
 
 
 @dataclass(frozen=True)
@@ -54,7 +58,7 @@ def on_ground(
     near: BoolArray | None = None,
     longest: Float64Array | None = None,
 ) -> tuple[Float64Array, Float64Array]:
-    """A motion whose feet stand on the ground where they stand, neither sliding nor below it.
+    """A motion whose feet stand on the ground where they stand, neither sliding nor below it, nor any other joint.
 
     Args:
         hips: [T, 3] metres.
@@ -70,26 +74,48 @@ def on_ground(
     Returns:
         Hips [T, 3] and local rotations [T, 21, 4].
     """
-    feet = forward_kinematics(hips, rotations, rest_offsets)[:, [INDEX[name] for name in FEET], 1]
-    above = feet - soles.lowest
+    joints = forward_kinematics(hips, rotations, rest_offsets)
+    above = joints[:, SOLE, 1] - soles.lowest
     frames = np.arange(len(hips))
     # The floor of a recording is not even: what the given feet stand on passes into the ground.
     floor = max(soles.floor or 0.0, -LOWEST * size) * np.exp(-math.log(2) / FLOOR * frames)
-    settled = _settled(above - floor[:, None], stands, SETTLE)
+    settled = _settled(above - floor[:, None], stands & ~np.repeat(_rests(joints, soles, size), 2, axis=1), SETTLE)
     given = np.zeros(len(hips)) if soles.floor is None else _fading(frames, EASE)
     settled -= given * settled[0]
+    sunk = _sunk(joints, soles, size, settled)
     moved = hips.copy()
-    moved[:, 1] -= settled
+    moved[:, 1] += sunk - given * sunk[0] - settled
     planted = _planted(moved, rotations, rest_offsets, stands, soles, floor, size)
-    feet = forward_kinematics(moved, planted, rest_offsets)[:, [INDEX[name] for name in FEET], 1] - soles.lowest
-    lifted = _spread(np.maximum(0.0, (np.minimum(floor, 0.0)[:, None] - feet).max(axis=1)))
+    joints = forward_kinematics(moved, planted, rest_offsets)
+    feet, sunk = joints[:, SOLE, 1] - soles.lowest, _sunk(joints, soles, size)
+    lifted = _spread(np.maximum(0.0, (np.minimum(floor, 0.0)[:, None] - feet).max(axis=1)), SMOOTH)
+    lifted = np.maximum(lifted, sunk - given * sunk[0])
     lowest = feet.min(axis=1) + lifted - floor
-    lowered = np.zeros(len(hips)) if near is None else _spread(_high(lowest, floor, size, near, longest))
+    lowered = np.zeros(len(hips)) if near is None else _spread(_high(lowest, floor, size, near, longest), SMOOTH)
     lowered = np.minimum(lowered, np.maximum(0.0, lowest))  # onto the ground, not into it
+    room = np.maximum(0.0, _lowest_of_others(joints, soles) + lifted)
+    lowered = np.maximum(0.0, lowered - _spread(np.maximum(0.0, lowered - room), SETTLE))
     if max(lifted.max(), lowered.max()) < DEEP:
         return moved, planted
     moved[:, 1] += lifted - lowered
     return moved, _planted(moved, rotations, rest_offsets, stands, soles, floor, size)
+
+
+def _rests(joints: Float64Array, soles: Soles, size: float) -> BoolArray:
+    """[T, 2] whether the left and the right foot of joints [T, 21, 3] bear nothing: one sits, lies, or kneels on it."""
+    low = joints[..., 1] - soles.lowest[1::2].min()
+    kneels = low[:, [INDEX[f"{side}_knee"] for side in SIDES]] < KNEELS * size
+    return np.asarray(kneels | (low[:, [INDEX["hips"]]] < SITS * size))
+
+
+def _lowest_of_others(joints: Float64Array, soles: Soles) -> Float64Array:
+    """[T] metres that the lowest joint of no foot, of joints [T, 21, 3], is above where toes stand."""
+    return np.asarray(joints[:, OTHERS, 1].min(axis=1) - soles.lowest[1::2].min())
+
+
+def _sunk(joints: Float64Array, soles: Soles, size: float, lowered: Float64Array | float = 0.0) -> Float64Array:
+    """[T] metres by which a body that is lowered is raised, so that no knee, hip or hand is below the ground."""
+    return _spread(np.maximum(0.0, lowered - LOWEST * size - _lowest_of_others(joints, soles)), SETTLE)
 
 
 def _fading(frames: FloatArray | Int64Array, count: int) -> Float64Array:
@@ -97,9 +123,9 @@ def _fading(frames: FloatArray | Int64Array, count: int) -> Float64Array:
     return np.asarray(0.5 + 0.5 * np.cos(np.pi * np.clip(frames / count, 0, 1)))
 
 
-def _spread(metres: Float64Array) -> Float64Array:
+def _spread(metres: Float64Array, frames: float) -> Float64Array:
     """[T] a change that the whole body takes part in, over some frames more."""
-    return np.asarray(gaussian_filter1d(maximum_filter1d(metres, round(4 * SMOOTH) + 1), SMOOTH))
+    return np.asarray(gaussian_filter1d(maximum_filter1d(metres, round(4 * frames) + 1), frames))
 
 
 def _high(
@@ -120,12 +146,13 @@ def _planted(
     joints = forward_kinematics(hips, rotations, rest_offsets)
     world = world_rotations(rotations)
     ahead = level_ahead(joints[:, INDEX["left_hip"]], joints[:, INDEX["right_hip"]])
+    bears = gaussian_filter1d(1.0 - _rests(joints, soles, size), SETTLE, axis=0)
     for i, side in enumerate(SIDES):
         hip, knee, ankle, toe = (INDEX[f"{side}_{part}"] for part in ("hip", "knee", "ankle", "toe"))
         foot, own = joints[:, [ankle, toe]], stands[:, 2 * i : 2 * i + 2]
         standing = np.asarray(own.any(axis=1))
         change = staying(foot, standing, FAR * size, BLEND)
-        change[:, 1] = _upright(foot[..., 1] - soles.lowest[2 * i : 2 * i + 2] - floor[:, None], own)
+        change[:, 1] = _upright(foot[..., 1] - soles.lowest[2 * i : 2 * i + 2] - floor[:, None], own, bears[:, i])
         if soles.floor is not None:
             change = _from_given(change, standing)
         leg = (joints[:, hip], joints[:, knee], joints[:, ankle])
@@ -173,14 +200,15 @@ def _settled(above: Float64Array, stands: BoolArray, frames: float) -> Float64Ar
     return spread
 
 
-def _upright(above: Float64Array, stands: BoolArray) -> Float64Array:
+def _upright(above: Float64Array, stands: BoolArray, bears: Float64Array) -> Float64Array:
     """[T] by which a foot is moved up or down: onto the ground while it stands, never below it.
 
     Args:
         above: [T, 2] heights of ankle and toe above where they stand.
         stands: [T, 2].
+        bears: [T] 1, or less where the body rests on other joints.
     """
-    down = -_settled(above, stands, SMOOTH)
+    down = -_settled(above, stands, SMOOTH) * bears
     sunk = np.maximum(0.0, -(above + down[:, None]).min(axis=1))
     lift: Float64Array = down + np.maximum(sunk, gaussian_filter1d(sunk, SMOOTH))
     return lift
@@ -188,7 +216,7 @@ def _upright(above: Float64Array, stands: BoolArray) -> Float64Array:
 
 def heights_standing(joints: Float64Array, ground: float) -> Float64Array:
     """[4] heights over the ground of the joints of `FEET` of a body's frames [F, 21, 3], where they are lowest."""
-    feet = joints[:, [INDEX[name] for name in FEET], 1] - ground
+    feet = joints[:, SOLE, 1] - ground
     lowest = np.quantile(feet, 0.05, axis=0)
     level: Float64Array = np.repeat(np.minimum(lowest[:2], lowest[2:])[None], 2, axis=0).ravel()
     return level
@@ -196,5 +224,5 @@ def heights_standing(joints: Float64Array, ground: float) -> Float64Array:
 
 def standing_above(pose: Float64Array, stands: BoolArray, lowest: Float64Array) -> float:
     """Metres by which the joints of `FEET` of a pose [21, 3] that stand [4] are higher than `lowest` [4]; 0 of none."""
-    above = pose[[INDEX[name] for name in FEET], 1] - lowest
+    above = pose[SOLE, 1] - lowest
     return float(above[stands].min(initial=np.inf)) if stands.any() else 0.0
