@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from motionlake.arrays import Float32Array, Float64Array
 from motionlake.evaluation.synthesis.contact import footing
 from motionlake.evaluation.synthesis.movement import bone_length_drift, energy, travel_speed
+from motionlake.matching import flat_feet
 from motionlake.matching.course import Part, Start
 from motionlake.matching.database import MotionDatabase, build_database
 from motionlake.matching.features import POSE, features, mirrored_features
@@ -29,7 +30,7 @@ from motionlake.motion.generation import FPS, Control, GeneratedMotion, MotionRe
 from motionlake.motion.ground import Ground, ground_of, levelled
 from motionlake.motion.kinematics import forward_kinematics
 from motionlake.motion.paths import ground_path, shape_path
-from motionlake.motion.rotations import angle, from_vectors
+from motionlake.motion.rotations import angle, from_vectors, multiply
 from motionlake.motion.skeleton import INDEX, body_length, body_poses, mirrored_positions, mirrored_rotations
 from motionlake.weights import save_tensors
 
@@ -128,6 +129,56 @@ def test_a_body_that_a_sensor_lifts_for_some_frames_stays_on_the_ground(made_by:
     assert above.max() < (HIGH + 0.005) * size
     assert above.min() > -0.005 * size
     assert abs(moved[0, 1] - hips[0, 1]) < 0.001  # what is given does not jump
+
+
+@pytest.mark.parametrize("turned", [-0.3, 0.25])
+def test_a_foot_that_points_otherwise_is_flat_where_it_stands(made_by: MatchingGenerator, turned: float) -> None:
+    (made,) = made_by.generate([request("walk", seconds=2.0)])
+    hips, body, size = made.positions[:, 0], made.rest_offsets, body_length(made.rest_offsets)
+    lowest = heights_standing(made.positions, 0.0)
+    stand = np.repeat(made.rotations[made.positions[:, INDEX["left_toe"], 1].argmin()][None], len(hips), axis=0)
+    for ankle in ("left_ankle", "right_ankle"):
+        stand[:, INDEX[ankle]] = multiply(from_vectors(np.array([turned, 0.0, 0.0])), stand[:, INDEX[ankle]])
+    stands = np.ones((len(hips), 4), dtype=np.bool_)
+
+    def uneven(rotations: Float64Array) -> Float64Array:
+        above = forward_kinematics(hips, rotations, body)[:, [INDEX[name] for name in FEET], 1] - lowest
+        return np.abs(above[:, 0::2] - above[:, 1::2]) / size
+
+    flat = flat_feet.flat(hips, stand, body, stands, lowest, size, np.ones(len(hips)))
+    assert uneven(stand)[:, 0].min() > 3 * flat_feet.UNEVEN
+    assert uneven(flat)[10:-10, 0].max() < 1.5 * flat_feet.UNEVEN
+    ankles = [INDEX["left_ankle"], INDEX["right_ankle"]]
+    found, before = (forward_kinematics(hips, rotations, body)[:, ankles] for rotations in (flat, stand))
+    np.testing.assert_allclose(found, before, atol=1e-9)
+    for some, share in ((stands, 0.0), (~stands, 1.0)):
+        same = flat_feet.flat(hips, stand, body, some, lowest, size, np.full(len(hips), share))
+        np.testing.assert_allclose(angle(same, stand), 0, atol=1e-6)
+
+
+def test_knees_of_who_stands_are_as_straight_as_recorded(recordings: Path) -> None:
+    """Seen on a page of pairs, of a depth sensor's recordings: feet of another body were lifted by bent knees."""
+    known, unseen = (
+        [clip for clip in some if clip.label == "arm_curl"] for some in parted("actions, other subjects", fold=0)
+    )
+    data = build_database(
+        [MatchingClip(c.name, 0, c.label, c.positions, c.rotations, offsets_of(c), c.fps) for c in known]
+    )
+    found = MatchingGenerator(data).generate([MotionRequest(("arm_curl",), 2.0, 0, seed_of(c)) for c in unseen])
+    bent = np.concatenate([_flexion(made.positions) for made in found]) > np.radians(20)
+    assert bent.mean() < 0.015
+    assert np.mean(np.concatenate([_flexion(clip.positions) for clip in unseen]) > np.radians(20)) < 0.01
+
+
+def _flexion(positions: Float64Array) -> Float64Array:
+    """[F, 2] radians by which knees are bent."""
+    hip, knee, ankle = (
+        positions[:, [INDEX[f"{side}_{part}"] for side in ("left", "right")]].astype(float)
+        for part in ("hip", "knee", "ankle")
+    )
+    thigh, shank = knee - hip, ankle - knee
+    along = (thigh * shank).sum(axis=-1) / np.linalg.norm(thigh, axis=-1) / np.linalg.norm(shank, axis=-1)
+    return np.asarray(np.arccos(np.clip(along, -1, 1)))
 
 
 def test_who_lies_down_is_not_below_the_ground(recordings: Path) -> None:

@@ -8,10 +8,10 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import BoolArray, Float64Array, FloatArray, Int64Array
+from motionlake.matching.flat_feet import flat, pitch, turned, while_held
 from motionlake.matching.flights import too_long
 from motionlake.matching.recordings import FEET, NEAR
 from motionlake.motion.kinematics import forward_kinematics, local_rotations, world_rotations
-from motionlake.motion.rotations import multiply, swing
 from motionlake.motion.skeleton import INDEX
 from motionlake.motion.standing import SIDES, staying
 from motionlake.motion.two_bones import bent, level_ahead, turn_leg
@@ -23,8 +23,6 @@ FAR: Final = 0.2  # body lengths that a foot is held back while it stands, at mo
 LOWEST: Final = 0.015  # body lengths that this is below the ground, at most
 DEEP: Final = 0.005  # metres below the ground, or too high above it, from which on the whole body is moved
 HIGH: Final = 0.03  # body lengths above the ground of a foot that was near it as recorded, at most
-STEEP: Final = 0.95  # of a foot's length, by which the toes of one on tiptoe are below the ankle at most
-LEAST: Final = 0.05  # weight of no standing foot
 FLOOR: Final = 15.0  # frames: half-life of what given feet stood on above the ground, or below it
 EASE: Final = 8  # frames after given ones in which the body begins to settle
 BLEND: Final = 5  # frames over which a foot comes to where it stands, and leaves it
@@ -74,13 +72,14 @@ def on_ground(
     Returns:
         Hips [T, 3] and local rotations [T, 21, 4].
     """
+    frames = np.arange(len(hips))
+    given = _given(soles, len(hips))
+    rotations = flat(hips, rotations, rest_offsets, stands, soles.lowest, size, 1 - given)
     joints = forward_kinematics(hips, rotations, rest_offsets)
     above = joints[:, SOLE, 1] - soles.lowest
-    frames = np.arange(len(hips))
     # The floor of a recording is not even: what the given feet stand on passes into the ground.
     floor = max(soles.floor or 0.0, -LOWEST * size) * np.exp(-math.log(2) / FLOOR * frames)
     settled = _settled(above - floor[:, None], stands & ~np.repeat(_rests(joints, soles, size), 2, axis=1), SETTLE)
-    given = np.zeros(len(hips)) if soles.floor is None else _fading(frames, EASE)
     settled -= given * settled[0]
     sunk = _sunk(joints, soles, size, settled)
     moved = hips.copy()
@@ -123,6 +122,11 @@ def _fading(frames: FloatArray | Int64Array, count: int) -> Float64Array:
     return np.asarray(0.5 + 0.5 * np.cos(np.pi * np.clip(frames / count, 0, 1)))
 
 
+def _given(soles: Soles, count: int) -> Float64Array:
+    """[T] how much of what is changed must not jump from the given frames: from 1 to 0, where there are any."""
+    return np.zeros(count) if soles.floor is None else _fading(np.arange(count), EASE)
+
+
 def _spread(metres: Float64Array, frames: float) -> Float64Array:
     """[T] a change that the whole body takes part in, over some frames more."""
     return np.asarray(gaussian_filter1d(maximum_filter1d(metres, round(4 * frames) + 1), frames))
@@ -152,34 +156,20 @@ def _planted(
         foot, own = joints[:, [ankle, toe]], stands[:, 2 * i : 2 * i + 2]
         standing = np.asarray(own.any(axis=1))
         change = staying(foot, standing, FAR * size, BLEND)
-        change[:, 1] = _upright(foot[..., 1] - soles.lowest[2 * i : 2 * i + 2] - floor[:, None], own, bears[:, i])
+        above = foot[..., 1] - soles.lowest[2 * i : 2 * i + 2] - floor[:, None]
+        down = -_settled(above, own, SMOOTH) * bears[:, i]
+        up = turned(_rising(-(above[:, 1] + down)), rest_offsets[toe], size, 1 - _given(soles, len(hips)))
+        # Never below the ground: the toes are turned up, the foot is lifted by what is left.
+        change[:, 1] = down + _rising(-np.minimum(above[:, 0], above[:, 1] + up) - down)
         if soles.floor is not None:
             change = _from_given(change, standing)
         leg = (joints[:, hip], joints[:, knee], joints[:, ankle])
         wanted = foot[:, 0] + change
         bends = bent(*leg, wanted, ahead)
         turn_leg(world, (hip, knee), leg, *bends)
-        _tiptoe(world, ankle, foot[:, 1] - foot[:, 0], bends[1][:, 1] - wanted[:, 1])
+        # Where a leg is too short for its ankle, the foot points down: its toes stay where they stand.
+        pitch(world, ankle, foot[:, 1] - foot[:, 0], up - np.maximum(0.0, bends[1][:, 1] - wanted[:, 1]))
     return local_rotations(world)
-
-
-def _tiptoe(world: Float64Array, ankle: int, toe: Float64Array, lifted: Float64Array) -> None:
-    """Point feet down, in place, whose ankles are lifted since their legs are too short: toes stay where they stand.
-
-    Args:
-        world: [T, 21, 4] rotations of joints in the world.
-        ankle: its number.
-        toe: [T, 3] from the ankle, as the foot is turned.
-        lifted: [T] metres that the ankle is higher than wanted.
-    """
-    length = np.linalg.norm(toe, axis=1)
-    down = np.maximum(toe[:, 1] - np.maximum(lifted, 0.0), -STEEP * length)
-    level = np.linalg.norm(toe[:, [0, 2]], axis=1)
-    pointed = toe.copy()
-    pointed[:, 1] = np.minimum(down, toe[:, 1])
-    room = np.sqrt(np.maximum(length**2 - pointed[:, 1] ** 2, 0.0))
-    pointed[:, [0, 2]] *= (room / np.maximum(level, 1e-9))[:, None]
-    world[:, ankle] = multiply(swing(toe, pointed), np.ascontiguousarray(world[:, ankle]))
 
 
 def _from_given(change: Float64Array, standing: BoolArray) -> Float64Array:
@@ -193,25 +183,14 @@ def _from_given(change: Float64Array, standing: BoolArray) -> Float64Array:
 
 def _settled(above: Float64Array, stands: BoolArray, frames: float) -> Float64Array:
     """[T] by which standing joints are too high, of heights [T, 4 or 2] above where they stand: the lowest bears."""
-    held = stands.any(axis=1)
-    off = np.where(held, np.where(stands, above, np.inf).min(axis=1, initial=np.inf), 0.0)
-    weight = held.astype(float)
-    spread: Float64Array = gaussian_filter1d(off * weight, frames) / (gaussian_filter1d(weight, frames) + LEAST)
-    return spread
+    held = np.asarray(stands.any(axis=1))
+    return while_held(np.where(stands, above, np.inf).min(axis=1, initial=np.inf), held, frames)
 
 
-def _upright(above: Float64Array, stands: BoolArray, bears: Float64Array) -> Float64Array:
-    """[T] by which a foot is moved up or down: onto the ground while it stands, never below it.
-
-    Args:
-        above: [T, 2] heights of ankle and toe above where they stand.
-        stands: [T, 2].
-        bears: [T] 1, or less where the body rests on other joints.
-    """
-    down = -_settled(above, stands, SMOOTH) * bears
-    sunk = np.maximum(0.0, -(above + down[:, None]).min(axis=1))
-    lift: Float64Array = down + np.maximum(sunk, gaussian_filter1d(sunk, SMOOTH))
-    return lift
+def _rising(metres: Float64Array) -> Float64Array:
+    """[T] of metres those above 0, smoothed upwards."""
+    above = np.maximum(0.0, metres)
+    return np.asarray(np.maximum(above, gaussian_filter1d(above, SMOOTH)))
 
 
 def heights_standing(joints: Float64Array, ground: float) -> Float64Array:
