@@ -81,6 +81,9 @@ def on_ground(
     floor = max(soles.floor or 0.0, -LOWEST * size) * np.exp(-math.log(2) / FLOOR * frames)
     settled = _settled(above - floor[:, None], stands & ~np.repeat(_rests(joints, soles, size), 2, axis=1), SETTLE)
     settled -= given * settled[0]
+    # Where both feet are below the ground the body is too low, and both knees would bend.
+    higher = (above - (floor + settled)[:, None]).reshape(-1, 2, 2).min(axis=2).max(axis=1)
+    settled -= _rising(-higher) * (1 - given)
     sunk = _sunk(joints, soles, size, settled)
     moved = hips.copy()
     moved[:, 1] += sunk - given * sunk[0] - settled
