@@ -59,13 +59,18 @@ def pitch(world: Float64Array, ankle: int, toe: Float64Array, up: Float64Array) 
         ankle: its number.
         toe: [T, 3] from the ankle, as the foot is turned.
         up: [T] metres that the toes are higher afterwards, or lower; no foot is steeper than `STEEP` by it.
+
+    Where a steep foot points is mostly noise: toes get further off by it in the direction that they have for longer.
     """
     length = np.linalg.norm(toe, axis=1)
     level = np.linalg.norm(toe[:, [0, 2]], axis=1)
     pointed, steepest = toe.copy(), STEEP * length
     pointed[:, 1] = np.clip(toe[:, 1] + up, np.minimum(-steepest, toe[:, 1]), np.maximum(steepest, toe[:, 1]))
     room = np.sqrt(np.maximum(length**2 - pointed[:, 1] ** 2, 0.0))
-    pointed[:, [0, 2]] *= (room / np.maximum(level, 1e-9))[:, None]
+    way = gaussian_filter1d(toe[:, [0, 2]], SLOWLY, axis=0)
+    way *= (np.maximum(0.0, room - level) / np.maximum(np.linalg.norm(way, axis=1), 1e-9))[:, None]
+    further = toe[:, [0, 2]] + way
+    pointed[:, [0, 2]] = further * (room / np.maximum(np.linalg.norm(further, axis=1), 1e-9))[:, None]
     world[:, ankle] = multiply(swing(toe, pointed), np.ascontiguousarray(world[:, ankle]))
 
 
