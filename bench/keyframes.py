@@ -23,8 +23,9 @@ from motionlake.motion.skeleton import body_length
 from motionlake.training import on_threads
 
 from bench.canonical_sets import LabelledClip
-from bench.matching import FOLDS, SETS, generator, offsets_of, parted, seed_of
+from bench.matching import FOLDS, SETS, generator, parted
 from bench.matching import recorded as recorded_at
+from bench.matching_clips import offsets_of, seed_of
 from bench.record import hash_files, record, recordings
 
 GAPS: Final = (0.25, 0.5, 1.0, 2.0)  # seconds from pose to pose

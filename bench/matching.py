@@ -17,8 +17,8 @@ from motionlake.arrays import Float64Array
 from motionlake.evaluation.synthesis.contact import Footing, footing
 from motionlake.matching.database import build_database
 from motionlake.matching.generator import MatchingGenerator
-from motionlake.matching.recordings import MatchingClip, sound_ranges
-from motionlake.motion.generation import FPS, Control, GeneratedMotion, MotionRequest, SeedClip
+from motionlake.matching.recordings import sound_ranges
+from motionlake.motion.generation import FPS, Control, GeneratedMotion, MotionRequest
 from motionlake.motion.ground import Ground, ground_of
 from motionlake.motion.paths import GroundPath, shape_path
 from motionlake.motion.resampling import resample
@@ -26,6 +26,7 @@ from motionlake.training import on_threads
 
 from bench.canonical_sets import LabelledClip, read
 from bench.classes import GOING
+from bench.matching_clips import database_of, matching_clip, seed_of
 from bench.record import hash_files, record, recordings
 
 SETS: Final = GOING
@@ -61,29 +62,14 @@ def left_out(label: str, number: int) -> tuple[LabelledClip, int]:
 @cache
 def generator(labels: tuple[str, ...], fold: int) -> MatchingGenerator:
     return MatchingGenerator(
-        build_database(
-            [
-                MatchingClip(f"{label}/{c.name}", 0, label, c.positions, c.rotations, offsets_of(c), c.fps)
-                for label in labels
-                for c in parted(label, fold)[0]
-            ]
-        )
+        build_database([matching_clip(c, label) for label in labels for c in parted(label, fold)[0]])
     )
-
-
-def offsets_of(clip: LabelledClip) -> Float64Array:
-    assert clip.rest_offsets is not None
-    return clip.rest_offsets
 
 
 def recorded(clip: LabelledClip) -> Float64Array:
     """[F, 21, 3] at 30 frames a second, without calibration poses."""
     start, stop = max(sound_ranges(clip.positions, clip.rotations, clip.fps), key=lambda pair: pair[1] - pair[0])
     return resample(clip.positions[start:stop], clip.fps, FPS)
-
-
-def seed_of(clip: LabelledClip) -> SeedClip:
-    return SeedClip(clip.name, clip.positions, clip.fps, offsets_of(clip), clip.rotations)
 
 
 def ground_under(made: GeneratedMotion, clip: LabelledClip) -> Ground:
@@ -178,11 +164,9 @@ def cost() -> dict[str, Any]:
         started = time.process_time()
         made.generate([request])
         found[f"{name}_realtime"] = EIGHT_SECONDS / (time.process_time() - started)
-    clips = [
-        MatchingClip(c.name, 0, "salsa", c.positions, c.rotations, offsets_of(c), c.fps) for c in clips_of("salsa")
-    ]
+    clips = clips_of("salsa")
     started = time.process_time()
-    database = build_database(clips)
+    database = database_of(clips, "salsa")
     found["database"] = {"frames": len(database), "seconds": time.process_time() - started}
     found["memory_gib"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     return found

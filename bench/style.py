@@ -11,16 +11,14 @@ from typing import Any, Final
 
 import numpy as np
 from motionlake.arrays import Float64Array
-from motionlake.matching.database import build_database
 from motionlake.matching.generator import MatchingGenerator
-from motionlake.matching.recordings import MatchingClip
 from motionlake.motion.generation import FPS, Control, GeneratedMotion, MotionRequest
 from motionlake.motion.resampling import resample
 from motionlake.motion.skeleton import body_length, body_poses
 from motionlake.training import on_threads
 
 from bench.canonical_sets import LabelledClip, LabelledSet, read
-from bench.matching import offsets_of, seed_of
+from bench.matching_clips import database_of, offsets_of, seed_of
 from bench.record import hash_files, record, recordings
 
 NEUTRAL: Final = "normal"
@@ -54,15 +52,8 @@ def of_clip(clip: LabelledClip) -> Float64Array:
 
 def figures() -> dict[str, Any]:
     walks = takes()
-    generator = MatchingGenerator(
-        build_database(
-            [
-                MatchingClip(second.name, 0, "walk", second.positions, second.rotations, offsets_of(second), second.fps)
-                for _, second in walks.values()
-            ]
-        )
-    )
-    style_of = {second.name: style for style, (_, second) in walks.items()}
+    generator = MatchingGenerator(database_of((second for _, second in walks.values()), "walk"))
+    style_of = {f"walk/{second.name}": style for style, (_, second) in walks.items()}
     rows: dict[str, dict[str, Any]] = {}
     for style in [name for name in walks if name != NEUTRAL][:STYLES]:
         first, second = walks[style]

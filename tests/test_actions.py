@@ -10,24 +10,17 @@ import numpy as np
 import pytest
 from motionlake.matching.actions import comes_to_rest, has_a_course
 from motionlake.matching.course import Part, Start
-from motionlake.matching.database import MotionDatabase, build_database
+from motionlake.matching.database import MotionDatabase
 from motionlake.matching.generator import MatchingGenerator
 from motionlake.matching.played import STRETCH
 from motionlake.matching.player import Player
-from motionlake.matching.recordings import MatchingClip
 from motionlake.motion.generation import FPS, MotionRequest
 
 from bench.canonical_sets import LabelledClip, LabelledSet, Row, read
 from bench.classes import CLASSES
-from bench.matching import offsets_of, seed_of
+from bench.matching_clips import database_of, seed_of
 
 HDM05 = ("depositFloorR", "elbowToKnee1RepsLelbowStart", "grabHighR", "jogLeftCircle4StepsRstart", "kickLFront1Reps")
-
-
-def database(clips: list[LabelledClip]) -> MotionDatabase:
-    return build_database(
-        [MatchingClip(c.name, 0, c.label, c.positions, c.rotations, offsets_of(c), c.fps) for c in clips]
-    )
 
 
 def actions(data: MotionDatabase) -> list[bool]:
@@ -46,12 +39,12 @@ def hdm05() -> list[LabelledClip]:
 @pytest.mark.recordings
 def test_actions_of_sets_that_are_cut_tight_are_told(recordings: Path) -> None:
     """They end while the body still moves."""
-    data = database(hdm05())
+    data = database_of(hdm05())
     assert actions(data) == [True] * len(HDM05)
     assert not all(data.is_resting(target) for target in range(len(HDM05)))
-    going = database([clip for name in ("walk", "run", "salsa") for clip in read(CLASSES[name])[:9]])
+    going = database_of([clip for name in ("walk", "run", "salsa") for clip in read(CLASSES[name])[:9]])
     assert actions(going) == [False] * 3
-    styles = database(read(LabelledSet("bandai1", "label", labelled("walk", "run"))))
+    styles = database_of(read(LabelledSet("bandai1", "label", labelled("walk", "run"))))
     assert actions(styles) == [False] * 2
 
 
@@ -77,7 +70,7 @@ def test_rest_is_a_slow_end_of_short_recordings() -> None:
 
 @pytest.mark.recordings
 def test_an_action_that_ends_moving_is_played_to_its_end_and_never_stands_still(recordings: Path) -> None:
-    data = database([clip for clip in hdm05() if clip.subject != "tr"])
+    data = database_of([clip for clip in hdm05() if clip.subject != "tr"])
     lengths = {name: stop - start for name, (start, stop, *_) in zip(data.clips, data.pieces.tolist(), strict=True)}
     ends, paces = [], []
     for i, clip in enumerate(c for c in hdm05() if c.subject == "tr"):
@@ -98,7 +91,7 @@ def test_an_action_that_ends_moving_is_played_to_its_end_and_never_stands_still(
 
 @pytest.mark.recordings
 def test_the_last_action_of_several_ends_with_the_motion(recordings: Path) -> None:
-    data = database(hdm05())
+    data = database_of(hdm05())
     lengths = {name: stop - start for name, (start, stop, *_) in zip(data.clips, data.pieces.tolist(), strict=True)}
     left = []
     for seed in range(8):
@@ -113,7 +106,7 @@ def test_the_last_action_of_several_ends_with_the_motion(recordings: Path) -> No
 @pytest.mark.recordings
 def test_a_body_whose_action_is_over_stands_still(recordings: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It went on as it had in its last frame, in one pose."""
-    data = database([clip for clip in hdm05() if clip.label.startswith("jog")])
+    data = database_of([clip for clip in hdm05() if clip.label.startswith("jog")])
     # As if it came to rest, so that it may end before the motion does.
     monkeypatch.setattr(MotionDatabase, "is_resting", lambda data, target: True)
     lengths = data.pieces[:, 1] - data.pieces[:, 0]

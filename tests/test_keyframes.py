@@ -21,11 +21,10 @@ from motionlake.glogen.inbetweening import locgen_network
 from motionlake.glogen.keyed import keyed_motion, sparse_rows
 from motionlake.glogen.sparse import poses_at
 from motionlake.glogen.trajectories import body_motion
-from motionlake.matching.database import build_database
 from motionlake.matching.generator import MatchingGenerator
 from motionlake.matching.inbetweening import Inbetweens
 from motionlake.matching.keyed_feet import still
-from motionlake.matching.recordings import MatchingClip, sound_ranges
+from motionlake.matching.recordings import sound_ranges
 from motionlake.matching.style import style_costs
 from motionlake.motion.generation import FPS, Control, MotionRequest
 from motionlake.motion.keyframes import KeyPoses, even_stretch, ground_below, through
@@ -34,7 +33,8 @@ from motionlake.motion.rotations import angle, from_vectors
 from motionlake.stages.synthesis_keys import marked
 
 from bench.canonical_sets import LabelledClip
-from bench.matching import clips_of, offsets_of, seed_of
+from bench.matching import clips_of
+from bench.matching_clips import database_of, offsets_of, seed_of
 from tests.lakes import motionlake as command
 from tests.lakes import query
 
@@ -45,9 +45,7 @@ EXACT = 1e-9  # metres, by which a motion may miss a pose
 def generator() -> MatchingGenerator:
     """Walks, every third left out."""
     clips = [clip for i, clip in enumerate(clips_of("walk")[:24]) if i % 3]
-    return MatchingGenerator(
-        build_database([MatchingClip(c.name, 0, "walk", c.positions, c.rotations, offsets_of(c), c.fps) for c in clips])
-    )
+    return MatchingGenerator(database_of(clips, "walk"))
 
 
 def keyed(clip: LabelledClip, seconds: float) -> tuple[KeyPoses, Float64Array]:
@@ -96,7 +94,7 @@ def test_poses_of_a_recording_lead_to_that_recording(recordings: Path) -> None:
     for i, run in enumerate(Inbetweens(data, [0], offsets_of(clip)).runs(keys, np.random.default_rng(0))):
         assert run is not None
         piece = data.piece_of[run.row]
-        assert data.clips[piece] == clip.name
+        assert data.clips[piece] == f"walk/{clip.name}"
         assert not run.mirrored
         assert abs(run.row - data.pieces[piece, 0] - keys.frames[i]) <= 1
 
@@ -118,7 +116,7 @@ def test_a_clip_left_out_is_filled_in(recordings: Path, number: int) -> None:
         np.linalg.norm(np.diff(made.positions, axis=0), axis=-1).max()
         < 1.5 * np.linalg.norm(np.diff(true, axis=0), axis=-1).max()
     )
-    assert all(source.clip != clip.name for source in made.sources)
+    assert all(source.clip != f"walk/{clip.name}" for source in made.sources)
     stops = [source.stop for source in made.sources]
     assert [source.start for source in made.sources] == [0, *stops[:-1]]
     assert stops[-1] == len(made.positions)
@@ -148,7 +146,7 @@ def test_a_style_is_taken_on(recordings: Path) -> None:
     data = generator().database
     style = next(clip for i, clip in enumerate(clips[:24]) if i % 3 == 1 and clip.subject != clips[0].subject)
     costs = style_costs(data, seed_of(style))
-    piece = data.clips.index(style.name)
+    piece = data.clips.index(f"walk/{style.name}")
     own = np.zeros(2 * len(data), dtype=bool)
     own[data.pieces[piece, 0] : data.pieces[piece, 1]] = True
     assert costs[own].max() < 1e-3 < np.median(costs[~own])
@@ -157,7 +155,7 @@ def test_a_style_is_taken_on(recordings: Path) -> None:
         requests = [MotionRequest(("walk",), 6.0, seed, seed_of(clips[0]), control=control) for seed in (0, 1, 2)]
         sources = [source for made in generator().generate(requests) for source in made.sources]
         frames = [source.stop - source.start for source in sources]
-        return sum(n for n, s in zip(frames, sources, strict=True) if s.clip == style.name) / sum(frames)
+        return sum(n for n, s in zip(frames, sources, strict=True) if s.clip == f"walk/{style.name}") / sum(frames)
 
     assert share(Control(style=seed_of(style))) > 2 * share(None)
 

@@ -15,7 +15,8 @@ from motionlake.motion.limbs import BONES, LIMBS, even_limbs, nearest, nearest_l
 from motionlake.motion.skeleton import INDEX, body_length
 from scipy.optimize import minimize
 
-from bench.made.splits import clips_of, offsets_of
+from bench.made.splits import clips_of
+from bench.matching_clips import offsets_of
 
 
 def _limbs(rng: np.random.Generator, frames: int) -> list[Float64Array]:

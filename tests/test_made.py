@@ -14,9 +14,7 @@ import numpy as np
 import pytest
 from motionlake.arrays import Float64Array
 from motionlake.evaluation.synthesis.motions import Stretch
-from motionlake.matching.database import build_database
 from motionlake.matching.generator import MatchingGenerator
-from motionlake.matching.recordings import MatchingClip
 from motionlake.motion.generation import FPS, MotionRequest
 from motionlake.motion.resampling import interpolated
 from motionlake.motion.skeleton import PARENTS, body_poses, mirrored_positions
@@ -28,8 +26,9 @@ from bench.glogen.controls import held, shuffled
 from bench.glogen.dense import HORIZON, apart
 from bench.glogen.material import frames_of
 from bench.made import blind, errors
-from bench.made.splits import FOLDS, SPLITS, clips_of, offsets_of, parted, real, rigid, seed_of
+from bench.made.splits import FOLDS, SPLITS, clips_of, parted, real, rigid
 from bench.made.windows import SPACES, all_windows, copies, intervals, likeness, paces, windows
+from bench.matching_clips import database_of, seed_of
 from bench.record import recordings as folder_of_recordings
 
 pytestmark = pytest.mark.recordings
@@ -194,11 +193,7 @@ def test_all_methods_are_asked_at_the_same_moment(recordings: Path) -> None:
 def test_matching_that_knows_the_clip_goes_on_as_it_does(recordings: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """And it plays what comes after the given frames, not the last of them again."""
     clips = clips_of("run")
-    knowing = MatchingGenerator(
-        build_database(
-            [MatchingClip(c.name, 0, c.label, c.positions, c.rotations, offsets_of(c), c.fps) for c in clips]
-        )
-    )
+    knowing = MatchingGenerator(database_of(clips))
     monkeypatch.setattr(errors, "matching", lambda split, fold: knowing)
     known = _pose_errors("matching")
     monkeypatch.undo()

@@ -24,7 +24,7 @@ from motionlake.matching.generator import MatchingGenerator, load_generator
 from motionlake.matching.inertia import decayed, joined_points, joined_rotations
 from motionlake.matching.played import AGAIN, UNEVEN, Played, costs_of_before, costs_of_short
 from motionlake.matching.player import Player
-from motionlake.matching.recordings import FEET, MatchingClip, aloft, rooted, sound_ranges, standing
+from motionlake.matching.recordings import FEET, aloft, rooted, sound_ranges, standing
 from motionlake.matching.search import distances, drawn
 from motionlake.motion.generation import FPS, Control, GeneratedMotion, MotionRequest
 from motionlake.motion.ground import Ground, ground_of, levelled
@@ -34,10 +34,11 @@ from motionlake.motion.rotations import angle, from_vectors, multiply
 from motionlake.motion.skeleton import INDEX, body_length, body_poses, mirrored_positions, mirrored_rotations
 from motionlake.weights import save_tensors
 
-from bench.canonical_sets import read
+from bench.canonical_sets import LabelledClip, read
 from bench.classes import action
 from bench.made.splits import parted
-from bench.matching import clips_of, far_from, ground_under, offsets_of, recorded, seed_of, speeds, stands
+from bench.matching import clips_of, far_from, ground_under, recorded, speeds, stands
+from bench.matching_clips import database_of, matching_clip, offsets_of, seed_of
 
 pytestmark = pytest.mark.recordings
 SETS = {"walk": slice(0, 30), "run": slice(0, 11), "salsa": slice(0, 5)}
@@ -49,7 +50,7 @@ def generator() -> MatchingGenerator:
     return MatchingGenerator(
         build_database(
             [
-                MatchingClip(f"{label}/{c.name}", 0, label, c.positions, c.rotations, offsets_of(c), c.fps)
+                matching_clip(c, label)
                 for label, own in SETS.items()
                 for i, c in enumerate(clips_of(label)[own])
                 if i % 3
@@ -156,15 +157,16 @@ def test_a_foot_that_points_otherwise_is_flat_where_it_stands(made_by: MatchingG
         np.testing.assert_allclose(angle(same, stand), 0, atol=1e-6)
 
 
+def gone_on(split: str, label: str, seconds: float) -> tuple[list[GeneratedMotion], list[LabelledClip]]:
+    """What is made of a class by those who are not left out of a split, from the clips of those who are; and these."""
+    known, unseen = ([clip for clip in some if clip.label == label] for some in parted(split, fold=0))
+    requests = [MotionRequest((label,), seconds, 0, seed_of(clip)) for clip in unseen]
+    return MatchingGenerator(database_of(known)).generate(requests), unseen
+
+
 def test_knees_of_who_stands_are_as_straight_as_recorded(recordings: Path) -> None:
     """Seen on a page of pairs, of a depth sensor's recordings: feet of another body were lifted by bent knees."""
-    known, unseen = (
-        [clip for clip in some if clip.label == "arm_curl"] for some in parted("actions, other subjects", fold=0)
-    )
-    data = build_database(
-        [MatchingClip(c.name, 0, c.label, c.positions, c.rotations, offsets_of(c), c.fps) for c in known]
-    )
-    found = MatchingGenerator(data).generate([MotionRequest(("arm_curl",), 2.0, 0, seed_of(c)) for c in unseen])
+    found, unseen = gone_on("actions, other subjects", "arm_curl", 2.0)
     bent, recorded = (
         np.mean(np.concatenate([_flexion(motion.positions) for motion in some]) > np.radians(15))
         for some in (found, unseen)
@@ -185,12 +187,7 @@ def _flexion(positions: Float64Array) -> Float64Array:
 
 def test_who_lies_down_is_not_below_the_ground(recordings: Path) -> None:
     """Feet of one who lies rest on their heels: the body was lowered, until these were as low as soles that stand."""
-    label = "hdm05 lieDownFloor"
-    known, unseen = ([clip for clip in some if clip.label == label] for some in parted("hdm05, other subjects", fold=0))
-    data = build_database(
-        [MatchingClip(c.name, 0, label, c.positions, c.rotations, offsets_of(c), c.fps) for c in known]
-    )
-    found = MatchingGenerator(data).generate([MotionRequest((label,), 4.0, 0, seed_of(c)) for c in unseen])
+    found, unseen = gone_on("hdm05, other subjects", "hdm05 lieDownFloor", 4.0)
     for made, clip in zip(found, unseen, strict=True):
         ground = ground_of(clip.positions).level_at(clip.positions[made.seed_stop - 1, 0])
         assert footing(made.positions, FPS, ground).depth < 0.03
@@ -395,11 +392,7 @@ def test_walks_on_a_floor_that_climbs_do_not_float(recordings: Path) -> None:
     assert recordings.is_dir()
     climbing = [clip for clip in clips_of("walk") if clip.name[:3] in ("07_", "08_")]
     assert max(np.linalg.norm(ground_of(recorded(clip)).slope) for clip in climbing) > 0.015
-    maker = MatchingGenerator(
-        build_database(
-            [MatchingClip(c.name, 0, "walk", c.positions, c.rotations, offsets_of(c), c.fps) for c in climbing[1::2]]
-        )
-    )
+    maker = MatchingGenerator(database_of(climbing[1::2], "walk"))
     for i, clip in enumerate(climbing[:6:2]):
         (made,) = maker.generate([MotionRequest(("walk",), 8.0, i, seed_of(clip))])
         feet = stands(made, clip)
@@ -501,9 +494,7 @@ def test_a_recording_that_is_played_for_long_costs_more_than_others(made_by: Mat
 
 def test_actions_of_one_side_are_not_mirrored(recordings: Path) -> None:
     clips = [clip for name in ("clap", "throw") for clip in read(action(name))[::2]]
-    data = build_database(
-        [MatchingClip(c.name, 0, c.label, c.positions, c.rotations, offsets_of(c), c.fps) for c in clips]
-    )
+    data = database_of(clips)
     both, right = (len(data.rows[i]) / len(data.frames[i]) for i in range(2))
     assert (both, right) == (2, 1)
     (made,) = MatchingGenerator(data).generate([MotionRequest(("throw",), 6.0, 0, seed_of(clips[-1]))])
@@ -514,13 +505,7 @@ def test_an_action_is_done_once_and_ends_with_the_motion(recordings: Path, made_
     """It began again, or was not done: seen on a page of pairs. What goes on and on is no action."""
     assert not any(made_by.database.is_action(target) for target in range(3))
     clips = read(action("knock"))
-    data = build_database(
-        [
-            MatchingClip(c.name, 0, c.label, c.positions, c.rotations, offsets_of(c), c.fps)
-            for c in clips
-            if c.subject > "2"
-        ]
-    )
+    data = database_of(c for c in clips if c.subject > "2")
     maker, runs, late, held = MatchingGenerator(data), [], [], []
     for i, clip in enumerate(c for c in clips if c.subject < "3"):
         whole = MotionRequest(("knock",), len(clip.positions) / clip.fps - 0.5, i, seed_of(clip))
@@ -617,9 +602,7 @@ def test_a_file_holds_the_database(made_by: MatchingGenerator, tmp_path: Path) -
 
 
 def test_of_too_many_frames_some_are_drawn(recordings: Path) -> None:
-    clips = [
-        MatchingClip(c.name, 0, "walk", c.positions, c.rotations, offsets_of(c), c.fps) for c in clips_of("walk")[:6]
-    ]
+    clips = [matching_clip(c, "walk") for c in clips_of("walk")[:6]]
     whole: MotionDatabase = build_database(clips)
     some = build_database(clips, seed=1, most=len(whole) // 2)
     assert 0 < len(some) <= len(whole) // 2

@@ -15,13 +15,13 @@ from motionlake.glogen.generator import load_generator
 from motionlake.glogen.likeness import start_distances
 from motionlake.matching import DATABASE_VERSION
 from motionlake.matching.database import build_database
-from motionlake.matching.recordings import MatchingClip
 from motionlake.motion.sides import names_a_side
 from motionlake.stages.generator_model import GENERATOR
 from motionlake.stages.synthesis_control import Request
 from motionlake.stages.synthesize import clip_path
 
-from bench.matching import clips_of, offsets_of, seed_of
+from bench.matching import clips_of
+from bench.matching_clips import matching_clip, seed_of
 from tests.lakes import Changed, Run, query
 from tests.lakes import motionlake as command
 
@@ -218,12 +218,7 @@ def test_names_that_say_a_side(name: str, sided: bool) -> None:
 def test_what_is_of_one_side_is_not_mirrored(recordings: Path) -> None:
     clips = clips_of("walk")[:3]
     names = ("walk", "turn left", "turn right")
-    data = build_database(
-        [
-            MatchingClip(c.name, 0, name, c.positions, c.rotations, offsets_of(c), c.fps)
-            for name, c in zip(names, clips, strict=True)
-        ]
-    )
+    data = build_database([matching_clip(c, name) for name, c in zip(names, clips, strict=True)])
     for target, name in enumerate(data.classes):
         mirrored = data.rows[target][data.rows[target] >= len(data)]
         assert len(mirrored) == (len(data.frames[target]) if name == "walk" else 0)

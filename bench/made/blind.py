@@ -22,7 +22,8 @@ from motionlake.pictures.player_material import PlayerClip
 from bench.canonical_sets import LabelledClip
 from bench.classes import CLASSES, GOING
 from bench.made.generators import matching
-from bench.made.splits import folds, made_from, real, seed_of
+from bench.made.splits import folds, made_from, real
+from bench.matching_clips import seed_of
 
 LONGEST: Final = 4.0  # seconds of a pair
 SHORTEST: Final = 0.6

@@ -35,7 +35,8 @@ from bench.glogen.methods import CHOSEN, DEFAULTS, DENSE, fitted
 from bench.glogen.motions import Motions
 from bench.glogen.sparse import settings_of
 from bench.made.generators import matching, networks
-from bench.made.splits import SPLITS, offsets_of, parted
+from bench.made.splits import SPLITS, parted
+from bench.matching_clips import offsets_of
 
 LONG: Final = replace(DEFAULTS.budget, steps=1000)
 ALL_CHANNELS, ALIKE = "seq2seq, all channels", "seq2seq, as the onset"

@@ -12,14 +12,13 @@ from motionlake.glogen.config import SynthesisConfig
 from motionlake.glogen.generator import TrainedGenerator, TrainingMotion, load_generator
 from motionlake.glogen.generator_training import train_generator
 from motionlake.lake.parts import replacing
-from motionlake.matching.database import build_database
 from motionlake.matching.generator import MatchingGenerator
-from motionlake.matching.recordings import MatchingClip
 from motionlake.motion.generation import GeneratedMotion, MotionGenerator, MotionRequest
 
 from bench.canonical_sets import LabelledClip
 from bench.classes import GOING
-from bench.made.splits import offsets_of, parted, seed_of
+from bench.made.splits import parted
+from bench.matching_clips import database_of, seed_of
 
 RECIPES: Final = ("matching", "networks")
 SECONDS: Final = 10.0  # of a class that goes on
@@ -27,14 +26,7 @@ SECONDS: Final = 10.0  # of a class that goes on
 
 @cache
 def matching(split: str, fold: int) -> MatchingGenerator:
-    return MatchingGenerator(
-        build_database(
-            [
-                MatchingClip(f"{c.label}/{c.name}", 0, c.label, c.positions, c.rotations, offsets_of(c), c.fps)
-                for c in parted(split, fold)[0]
-            ]
-        )
-    )
+    return MatchingGenerator(database_of(parted(split, fold)[0]))
 
 
 @cache

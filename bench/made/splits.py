@@ -8,10 +8,9 @@ from functools import cache
 from typing import Final, Literal
 
 import numpy as np
-from motionlake.arrays import Float64Array
 from motionlake.evaluation.synthesis.motions import Stretch
 from motionlake.matching.recordings import sound_ranges
-from motionlake.motion.generation import FPS, GeneratedMotion, SeedClip
+from motionlake.motion.generation import FPS, GeneratedMotion
 from motionlake.motion.ground import Ground, ground_of
 from motionlake.motion.limbs import LIMBS, even_limbs, nearest
 from motionlake.motion.resampling import resample
@@ -19,6 +18,7 @@ from motionlake.motion.skeleton import PARENTS
 
 from bench.canonical_sets import LabelledClip, read
 from bench.classes import ACTIONS, CLASSES, GOING, OTHERS
+from bench.matching_clips import offsets_of
 
 FOLDS: Final = 3
 
@@ -74,15 +74,6 @@ def folds(
     """Of folds their numbers, the clips that are known, and those that are left out."""
     for fold in chosen:
         yield fold, *parted(split, fold)
-
-
-def offsets_of(clip: LabelledClip) -> Float64Array:
-    assert clip.rest_offsets is not None
-    return clip.rest_offsets
-
-
-def seed_of(clip: LabelledClip) -> SeedClip:
-    return SeedClip(clip.name, clip.positions.astype(float), clip.fps, offsets_of(clip), clip.rotations.astype(float))
 
 
 _GROUNDS: Final[dict[tuple[str, str, str], Ground]] = {}

@@ -45,6 +45,11 @@ class Soles:
     lowest: Float64Array
     floor: float | None = None
 
+    @property
+    def toes(self) -> float:
+        """Metres of toes where they stand: the ground of all other joints."""
+        return float(self.lowest[1::2].min())
+
 
 def on_ground(
     hips: Float64Array,
@@ -72,52 +77,72 @@ def on_ground(
     Returns:
         Hips [T, 3] and local rotations [T, 21, 4].
     """
-    frames = np.arange(len(hips))
     given = _given(soles, len(hips))
     rotations = flat(hips, rotations, rest_offsets, stands, soles.lowest, size, 1 - given)
-    joints = forward_kinematics(hips, rotations, rest_offsets)
-    above = joints[:, SOLE, 1] - soles.lowest
     # The floor of a recording is not even: what the given feet stand on passes into the ground.
-    floor = max(soles.floor or 0.0, -LOWEST * size) * np.exp(-math.log(2) / FLOOR * frames)
-    settled = _settled(above - floor[:, None], stands & ~np.repeat(_rests(joints, soles, size), 2, axis=1), SETTLE)
-    settled -= given * settled[0]
-    # Where both feet are below the ground the body is too low, and both knees would bend.
-    higher = (above - (floor + settled)[:, None]).reshape(-1, 2, 2).min(axis=2).max(axis=1)
-    settled -= _rising(-higher) * (1 - given)
-    sunk = _sunk(joints, soles, size, settled)
+    floor = max(soles.floor or 0.0, -LOWEST * size) * np.exp(-math.log(2) / FLOOR * np.arange(len(hips)))
     moved = hips.copy()
-    moved[:, 1] += sunk - given * sunk[0] - settled
+    moved[:, 1] -= _body_settled(forward_kinematics(hips, rotations, rest_offsets), stands, soles, floor, size, given)
     planted = _planted(moved, rotations, rest_offsets, stands, soles, floor, size)
     joints = forward_kinematics(moved, planted, rest_offsets)
-    feet, sunk = joints[:, SOLE, 1] - soles.lowest, _sunk(joints, soles, size)
-    lifted = _spread(np.maximum(0.0, (np.minimum(floor, 0.0)[:, None] - feet).max(axis=1)), SMOOTH)
-    lifted = np.maximum(lifted, sunk - given * sunk[0])
-    lowest = feet.min(axis=1) + lifted - floor
-    lowered = np.zeros(len(hips)) if near is None else _spread(_high(lowest, floor, size, near, longest), SMOOTH)
-    lowered = np.minimum(lowered, np.maximum(0.0, lowest))  # onto the ground, not into it
-    room = np.maximum(0.0, _lowest_of_others(joints, soles) + lifted)
-    lowered = np.maximum(0.0, lowered - _spread(np.maximum(0.0, lowered - room), SETTLE))
+    lifted = _lifted(joints, soles, floor, size, given)
+    lowered = np.zeros(len(hips)) if near is None else _lowered(joints, lifted, soles, floor, size, near, longest)
     if max(lifted.max(), lowered.max()) < DEEP:
         return moved, planted
     moved[:, 1] += lifted - lowered
     return moved, _planted(moved, rotations, rest_offsets, stands, soles, floor, size)
 
 
+def _body_settled(
+    joints: Float64Array, stands: BoolArray, soles: Soles, floor: Float64Array, size: float, given: Float64Array
+) -> Float64Array:
+    """[T] metres by which a body of joints [T, 21, 3] is lowered onto what stands, or raised out of the ground."""
+    above = joints[:, SOLE, 1] - soles.lowest - floor[:, None]
+    settled = _settled(above, stands & ~np.repeat(_rests(joints, soles, size), 2, axis=1), SETTLE)
+    settled -= given * settled[0]
+    # Where both feet are below the ground the body is too low, and both knees would bend.
+    higher = (above - settled[:, None]).reshape(-1, 2, 2).min(axis=2).max(axis=1)
+    settled -= _rising(-higher) * (1 - given)
+    return settled - _sunk(joints, soles, size, given, settled)
+
+
+def _lifted(joints: Float64Array, soles: Soles, floor: Float64Array, size: float, given: Float64Array) -> Float64Array:
+    """[T] metres by which a body of joints [T, 21, 3] is lifted, so that no joint is below the ground."""
+    feet = joints[:, SOLE, 1] - soles.lowest
+    deep = np.maximum(0.0, (np.minimum(floor, 0.0)[:, None] - feet).max(axis=1))
+    return np.maximum(_spread(deep, SMOOTH), _sunk(joints, soles, size, given))
+
+
+def _lowered(
+    joints: Float64Array, lifted: Float64Array, soles: Soles, floor: Float64Array, size: float, near: BoolArray,
+    longest: Float64Array | None,
+) -> Float64Array:  # fmt: skip
+    """[T] metres by which a body of joints [T, 21, 3] that was lifted is lowered: onto the ground, not into it."""
+    lowest = (joints[:, SOLE, 1] - soles.lowest).min(axis=1) + lifted - floor
+    lowered = _spread(_high(lowest, floor, size, near, longest), SMOOTH)
+    lowered = np.minimum(lowered, np.maximum(0.0, lowest))
+    room = np.maximum(0.0, _lowest_of_others(joints, soles) + lifted)
+    return np.maximum(0.0, lowered - _spread(np.maximum(0.0, lowered - room), SETTLE))
+
+
 def _rests(joints: Float64Array, soles: Soles, size: float) -> BoolArray:
     """[T, 2] whether the left and the right foot of joints [T, 21, 3] bear nothing: one sits, lies, or kneels on it."""
-    low = joints[..., 1] - soles.lowest[1::2].min()
+    low = joints[..., 1] - soles.toes
     kneels = low[:, [INDEX[f"{side}_knee"] for side in SIDES]] < KNEELS * size
     return np.asarray(kneels | (low[:, [INDEX["hips"]]] < SITS * size))
 
 
 def _lowest_of_others(joints: Float64Array, soles: Soles) -> Float64Array:
     """[T] metres that the lowest joint of no foot, of joints [T, 21, 3], is above where toes stand."""
-    return np.asarray(joints[:, OTHERS, 1].min(axis=1) - soles.lowest[1::2].min())
+    return np.asarray(joints[:, OTHERS, 1].min(axis=1) - soles.toes)
 
 
-def _sunk(joints: Float64Array, soles: Soles, size: float, lowered: Float64Array | float = 0.0) -> Float64Array:
-    """[T] metres by which a body that is lowered is raised, so that no knee, hip or hand is below the ground."""
-    return _spread(np.maximum(0.0, lowered - LOWEST * size - _lowest_of_others(joints, soles)), SETTLE)
+def _sunk(
+    joints: Float64Array, soles: Soles, size: float, given: Float64Array, settled: Float64Array | float = 0.0
+) -> Float64Array:
+    """[T] metres by which a body that is settled is raised, so that no knee, hip or hand is below the ground."""
+    sunk = _spread(np.maximum(0.0, settled - LOWEST * size - _lowest_of_others(joints, soles)), SETTLE)
+    return np.asarray(sunk - given * sunk[0])
 
 
 def _fading(frames: FloatArray | Int64Array, count: int) -> Float64Array:
