@@ -122,7 +122,7 @@ def _lowered(
     lowered = _spread(_high(lowest, floor, size, near, longest), SMOOTH)
     lowered = np.minimum(lowered, np.maximum(0.0, lowest))
     room = np.maximum(0.0, _lowest_of_others(joints, soles) + lifted)
-    return np.maximum(0.0, lowered - _spread(np.maximum(0.0, lowered - room), SETTLE))
+    return np.asarray(np.maximum(0.0, lowered - _spread(np.maximum(0.0, lowered - room), SETTLE)))
 
 
 def _rests(joints: Float64Array, soles: Soles, size: float) -> BoolArray:
