@@ -12,7 +12,7 @@ from motionlake.matching.actions import comes_to_rest, has_a_course
 from motionlake.matching.course import Part, Start
 from motionlake.matching.database import MotionDatabase
 from motionlake.matching.generator import MatchingGenerator
-from motionlake.matching.played import STRETCH
+from motionlake.matching.played import IN_TIME, STRETCH
 from motionlake.matching.player import Player
 from motionlake.motion.generation import FPS, MotionRequest
 
@@ -103,18 +103,25 @@ def test_the_last_action_of_several_ends_with_the_motion(recordings: Path) -> No
     assert np.mean(np.abs(left) < 6) > 0.7
 
 
+@pytest.mark.parametrize("rests", [False, True])
+@pytest.mark.parametrize("over", [-8, -3, 0, 3, 8])
+@pytest.mark.parametrize("pace", [0.8, 1.0, 1.3])
 @pytest.mark.recordings
-def test_a_body_whose_action_is_over_stands_still(recordings: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It went on as it had in its last frame, in one pose."""
+def test_an_action_is_over_in_the_last_frame(
+    recordings: Path, monkeypatch: pytest.MonkeyPatch, rests: bool, over: int, pace: float
+) -> None:
+    """Seen: another recording was joined for the last two frames, and a body at rest was frozen for half a second."""
     data = database_of([clip for clip in hdm05() if clip.label.startswith("jog")])
-    # As if it came to rest, so that it may end before the motion does.
-    monkeypatch.setattr(MotionDatabase, "is_resting", lambda data, target: True)
+    monkeypatch.setattr(MotionDatabase, "is_resting", lambda data, target: rests)
     lengths = data.pieces[:, 1] - data.pieces[:, 0]
-    first, frames = int(data.pieces[lengths.argmax(), 0]), int(lengths.max()) + 8
+    first = int(data.pieces[lengths.argmax(), 0])
+    frames = round((int(lengths.max()) - 1) / pace) + over
     step = np.array([*data.steps[first], data.turns[first]], dtype=float)
-    player = Player(data, [Part(0, 0)], frames, np.random.default_rng(0), temperature=0.0)
+    player = Player(data, [Part(0, 0)], frames, np.random.default_rng(0), pace=pace, temperature=0.0)
     course = player.run(Start(data.features[first], 0.0, step, np.zeros(2), 0.0))
-    over = np.flatnonzero(np.diff(course.at) == 0) + 1
-    assert len(over) > 2
-    moved = np.linalg.norm(np.diff(course.place, axis=0), axis=1)
-    assert moved[over[1:] - 1].max() < 0.02 * np.median(moved)
+    assert course.jumps == [0]
+    steps = np.diff(course.at)
+    assert steps.min() > 0.3 * pace
+    assert steps.max() < STRETCH * pace + 1e-9
+    left = float(data.pieces[data.piece_of[int(course.at[-1])], 1]) - 1 - course.at[-1]
+    assert left < 1e-6 or (rests and left <= IN_TIME * pace)

@@ -94,13 +94,18 @@ class Ending:
     def pace(self, left: float, remaining: float) -> float | None:
         """How fast an action of which so many frames are left is played, to end with the motion; None if it cannot.
 
-        One that comes to rest is played as recorded, and may end up to `IN_TIME` frames before or after that.
+        One that comes to rest is played as recorded, and may end up to `IN_TIME` frames after the motion; where it ends
+        before, what it rests for is played slower, so that no body is frozen.
         """
         if not self.whole:
             return None
+        if remaining < 1:
+            return 1.0
         if self.rests:
-            return 1.0 if abs(left - remaining) <= IN_TIME else None
-        pace = left / max(remaining, 1.0)
+            if abs(left - remaining) > IN_TIME:
+                return None
+            return 1.0 if left >= min(remaining, IN_TIME) else left / remaining
+        pace = left / remaining
         return pace if 1 / STRETCH <= pace <= STRETCH else None
 
 

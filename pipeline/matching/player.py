@@ -140,7 +140,7 @@ class Player:
 
     def _rate(self, t: int) -> float:
         """How many recorded frames a frame takes."""
-        ending = self._ends_at(t)
+        ending = self._ends_at(t - 1)
         if ending is not None:
             return self._pace * ending
         return self._pace * (self._steering.rate(t) if self._steering is not None else 1.0)
@@ -156,8 +156,7 @@ class Player:
         rate = self._rate(t)
         y = 2 * math.log(2) / SETTLE
         drift = self._drift_speed * math.exp(-y * (t - self._since) / FPS) * (1 + y * (t - self._since) / FPS)
-        moves = self._at < self._end - 1.0  # a run that is over stands still
-        left, ahead, turn = (self._rates() * rate * moves + drift) / FPS
+        left, ahead, turn = (self._rates() * rate + drift) / FPS
         cos, sin = math.cos(yaw), math.sin(yaw)
         there = here + np.array([left * cos + ahead * sin, ahead * cos - left * sin])
         yaw += turn
