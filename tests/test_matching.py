@@ -93,15 +93,19 @@ def test_a_minute_s_walk_walks_at_once_and_goes_somewhere(made_by: MatchingGener
     assert np.linalg.norm(places[-1] - places[0]) > steps.sum() / 2  # a circle comes back
 
 
-def test_a_foot_that_is_held_back_too_far_stands_on_its_toes(made_by: MatchingGenerator) -> None:
-    """Of a recorded body that stands, and is moved ahead as far as no leg is long."""
+def stood() -> tuple[Float64Array, Float64Array, Float64Array, float]:
+    """Of a walker who stands on both feet: hips, local rotations, rest offsets, metres of a body length."""
     seed = seed_of(clips_of("walk")[left_out("walk", 1)])
     assert seed.rotations is not None
-    body, size = seed.rest_offsets, body_length(seed.rest_offsets)
     feet = seed.positions[:, [INDEX["left_toe"], INDEX["right_toe"]], 1].max(axis=1)
-    at = 30 + int(feet[30:].argmin())  # both stand
-    rotations = np.repeat(seed.rotations[at : at + 1], 31, axis=0)
-    hips = np.repeat(seed.positions[at : at + 1, 0], 31, axis=0)
+    at = 30 + int(feet[30:].argmin())
+    hips, rotations = (np.repeat(rows[at : at + 1], 31, axis=0) for rows in (seed.positions[:, 0], seed.rotations))
+    return hips, rotations, seed.rest_offsets, body_length(seed.rest_offsets)
+
+
+def test_a_foot_that_is_held_back_too_far_stands_on_its_toes(made_by: MatchingGenerator) -> None:
+    """Of a recorded body that stands, and is moved ahead as far as no leg is long."""
+    hips, rotations, body, size = stood()
     hips[:, 0] += np.linspace(-0.19, 0.19, 31) * size
     lowest = heights_standing(forward_kinematics(hips, rotations, body), 0.0)
     stands_on = np.ones((31, 4), dtype=bool)
@@ -155,6 +159,29 @@ def test_a_foot_that_points_otherwise_is_flat_where_it_stands(made_by: MatchingG
     for some, share in ((stands, 0.0), (~stands, 1.0)):
         same = flat_feet.flat(hips, stand, body, some, lowest, size, np.full(len(hips), share))
         np.testing.assert_allclose(angle(same, stand), 0, atol=1e-6)
+
+
+def test_the_lower_foot_bears_a_body_whether_or_not_it_was_recorded_to_stand(made_by: MatchingGenerator) -> None:
+    """Seen of a depth sensor's recordings: its knee was bent, until it was as high as the one that stands."""
+    hips, rotations, body, size = stood()
+    joints = forward_kinematics(hips, rotations, body)
+    lowest = heights_standing(joints, 0.0)
+    across = joints[0, INDEX["left_hip"]] - joints[0, INDEX["right_hip"]]
+    aside = np.array([-across[2], 0.0, across[0]]) / np.linalg.norm(across[[0, 2]])
+    feet_of = [INDEX[name] for name in FEET]
+    for turn in (0.2, -0.2):
+        leaning = rotations.copy()
+        leaning[:, 0] = multiply(from_vectors(turn * aside), rotations[:, 0])
+        above = forward_kinematics(hips, leaning, body)[0, feet_of, 1] - lowest
+        lower = int(above[:2].min() > above[2:].min())  # the left or the right foot
+        assert abs(above[:2].min() - above[2:].min()) > 0.02 * size
+        stands_on = np.zeros((31, 4), dtype=bool)
+        stands_on[:, 2 - 2 * lower : 4 - 2 * lower] = True  # the other one
+        moved, planted = on_ground(hips, leaning, body, stands_on, Soles(lowest), size)
+        before, after = (
+            _flexion(forward_kinematics(*pose, body))[10:20, lower] for pose in ((hips, leaning), (moved, planted))
+        )
+        assert np.abs(after - before).max() < np.radians(4)
 
 
 def gone_on(split: str, label: str, seconds: float) -> tuple[list[GeneratedMotion], list[LabelledClip]]:

@@ -10,7 +10,8 @@ import numpy as np
 from motionlake.arrays import BoolArray, Float64Array, FloatArray, Int64Array
 from motionlake.matching.flat_feet import flat, pitch, turned, while_held
 from motionlake.matching.flights import too_long
-from motionlake.matching.recordings import FEET, NEAR
+from motionlake.matching.recordings import FEET, NEAR, SLOW
+from motionlake.motion.generation import FPS
 from motionlake.motion.kinematics import forward_kinematics, local_rotations, world_rotations
 from motionlake.motion.skeleton import INDEX
 from motionlake.motion.standing import SIDES, staying
@@ -98,12 +99,24 @@ def _body_settled(
 ) -> Float64Array:
     """[T] metres by which a body of joints [T, 21, 3] is lowered onto what stands, or raised out of the ground."""
     above = joints[:, SOLE, 1] - soles.lowest - floor[:, None]
-    settled = _settled(above, stands & ~np.repeat(_rests(joints, soles, size), 2, axis=1), SETTLE)
+    stands = stands & ~np.repeat(_rests(joints, soles, size), 2, axis=1)
+    settled = _settled(above, _bearing(joints, above, stands, size), SETTLE)
     settled -= given * settled[0]
     # Where both feet are below the ground the body is too low, and both knees would bend.
     higher = (above - settled[:, None]).reshape(-1, 2, 2).min(axis=2).max(axis=1)
     settled -= _rising(-higher) * (1 - given)
     return settled - _sunk(joints, soles, size, given, settled)
+
+
+def _bearing(joints: Float64Array, above: Float64Array, stands: BoolArray, size: float) -> BoolArray:
+    """[T, 4] which joints of feet bear a body of joints [T, 21, 3]: those that stand, and slow ones that are lower.
+
+    What is recorded a little above the other foot, so that it does not stand, is the lower one on another body.
+    """
+    level = joints[:, SOLE][..., [0, 2]]
+    slow = np.linalg.norm(np.diff(level, axis=0, prepend=level[:1]), axis=-1) * FPS < SLOW * size
+    lowest = np.where(stands, above, np.inf).min(axis=1, keepdims=True)
+    return np.asarray(stands | (slow & np.isfinite(lowest) & (above < lowest)))
 
 
 def _lifted(joints: Float64Array, soles: Soles, floor: Float64Array, size: float, given: Float64Array) -> Float64Array:
