@@ -7,7 +7,6 @@ that it can be led along a path and turned while the sway stays.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -15,6 +14,7 @@ from motionlake.arrays import BoolArray, Float64Array
 from motionlake.motion.calibration import recorded_range
 from motionlake.motion.generation import FPS as FPS
 from motionlake.motion.generation import SeedClip
+from motionlake.motion.holds import held_ranges
 from motionlake.motion.kinematics import continuous_signs, local_rotations, world_from_positions
 from motionlake.motion.limbs import nearest_limbs
 from motionlake.motion.quality.ends import check_ends
@@ -103,12 +103,20 @@ def seed_rotations(seed: SeedClip) -> Float64Array:
 
 
 def sound_ranges(positions: Float64Array, rotations: Float64Array, fps: float) -> list[tuple[int, int]]:
-    """Ranges of frames of a clip without calibration poses at its ends, cut where the body jumps."""
+    """Ranges of frames of a clip without calibration poses at its ends, cut where the body jumps or is held still."""
     first, last = recorded_range(positions, fps)
     found = check_ends(Recording(positions, continuous_signs(rotations), fps), QualityConfig())
-    cuts = [fault.start + 1 for fault in found.faults if fault.kind == "seam"]
-    edges = [first, *sorted(cut for cut in cuts if first < cut < last), last]
-    return [(a, b) for a, b in pairwise(edges) if b > a]
+    seams = [(fault.start + 1, fault.start + 1) for fault in found.faults if fault.kind == "seam"]
+    held = [(start + 1, stop) for start, stop in held_ranges(positions, fps)]
+    ranges, start = [], first
+    for stop, again in sorted([*seams, *held]):
+        if start < stop < last:
+            ranges.append((start, stop))
+        if stop < last:
+            start = max(start, again)
+    if start < last:
+        ranges.append((start, last))
+    return ranges or [(first, last)]
 
 
 def rooted(
