@@ -10,12 +10,13 @@ import numpy as np
 from motionlake.arrays import BoolArray, Float64Array, FloatArray, Int64Array
 from motionlake.matching.flat_feet import flat, pitch, turned, while_held
 from motionlake.matching.flights import too_long
+from motionlake.matching.legs import lead
 from motionlake.matching.recordings import FEET, NEAR, SLOW
 from motionlake.motion.generation import FPS
 from motionlake.motion.kinematics import forward_kinematics, local_rotations, world_rotations
 from motionlake.motion.skeleton import INDEX
 from motionlake.motion.standing import SIDES, staying
-from motionlake.motion.two_bones import bent, level_ahead, turn_leg
+from motionlake.motion.two_bones import level_ahead
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 SETTLE: Final = 4.0  # frames over which the body settles
@@ -205,11 +206,8 @@ def _planted(
         if soles.floor is not None:
             change = _from_given(change, standing)
         leg = (joints[:, hip], joints[:, knee], joints[:, ankle])
-        wanted = foot[:, 0] + change
-        bends = bent(*leg, wanted, ahead)
-        turn_leg(world, (hip, knee), leg, *bends)
-        # Where a leg is too short for its ankle, the foot points down: its toes stay where they stand.
-        pitch(world, ankle, foot[:, 1] - foot[:, 0], up - np.maximum(0.0, bends[1][:, 1] - wanted[:, 1]))
+        pointed = pitch(world, ankle, foot[:, 1] - foot[:, 0], up)
+        lead(world, (hip, knee, ankle), leg, foot[:, 0] + change, pointed, own[:, 0], ahead)
     return local_rotations(world)
 
 

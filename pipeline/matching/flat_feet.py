@@ -51,8 +51,8 @@ def turned(off: Float64Array, foot: Float64Array, size: float, share: Float64Arr
     return np.asarray(share * np.clip(off - UNEVEN * size, 0.0, TURN * np.linalg.norm(foot)))
 
 
-def pitch(world: Float64Array, ankle: int, toe: Float64Array, up: Float64Array) -> None:
-    """Turn feet in place.
+def pitch(world: Float64Array, ankle: int, toe: Float64Array, up: Float64Array) -> Float64Array:
+    """Turn feet in place; the toes [T, 3] from the ankle afterwards.
 
     Args:
         world: [T, 21, 4] rotations of joints in the world.
@@ -72,6 +72,7 @@ def pitch(world: Float64Array, ankle: int, toe: Float64Array, up: Float64Array) 
     further = toe[:, [0, 2]] + way
     pointed[:, [0, 2]] = further * (room / np.maximum(np.linalg.norm(further, axis=1), 1e-9))[:, None]
     world[:, ankle] = multiply(swing(toe, pointed), np.ascontiguousarray(world[:, ankle]))
+    return pointed
 
 
 def while_held(off: Float64Array, held: BoolArray, frames: float) -> Float64Array:

@@ -41,11 +41,11 @@ def bent(
     # Not quite straight, for knees snap into that; but a leg that was straighter may stay so.
     longest = np.maximum(REACH * (thigh + shin), np.linalg.norm(ankle - hip, axis=1))
     length = np.clip(length, np.abs(thigh - shin), np.minimum(longest, thigh + shin))
-    out = _across(knee - hip, along)
+    out = across(knee - hip, along)
     # A leg that points ahead bends upwards; where it is not known what is ahead, to a side.
-    for towards in (ahead, UP, SIDE):
-        missing = np.maximum(0, straight * thigh - np.linalg.norm(out, axis=1))
-        out += missing[:, None] * _across(np.broadcast_to(towards, hip.shape), along)
+    for towards, least in ((ahead, straight), (UP, AHEAD), (SIDE, AHEAD)):
+        missing = np.maximum(0, least * thigh - np.linalg.norm(out, axis=1))
+        out += missing[:, None] * across(np.broadcast_to(towards, hip.shape), along)
     out /= np.maximum(np.linalg.norm(out, axis=1), 1e-9)[:, None]
     share = (thigh**2 - shin**2 + length**2) / (2 * np.maximum(length, 1e-9))
     height = np.sqrt(np.maximum(thigh**2 - share**2, 0))
@@ -73,7 +73,7 @@ def turn_leg(
         world[:, joint] = multiply(swing(old, new), np.ascontiguousarray(world[:, joint]))
 
 
-def _across(vectors: Float64Array, along: Float64Array) -> Float64Array:
+def across(vectors: Float64Array, along: Float64Array) -> Float64Array:
     """[T, 3] what of vectors is at right angles to directions."""
     rest: Float64Array = vectors - (vectors * along).sum(axis=1, keepdims=True) * along
     return rest
