@@ -161,6 +161,24 @@ def test_a_foot_that_points_otherwise_is_flat_where_it_stands(made_by: MatchingG
         np.testing.assert_allclose(angle(same, stand), 0, atol=1e-6)
 
 
+def test_toes_of_a_foot_that_leaves_the_ground_are_not_flicked_ahead(made_by: MatchingGenerator) -> None:
+    """Seen of runs: a foot that pointed down was turned as many metres up as it had been while it stood."""
+    hips, rotations, body, size = stood()
+    lowest = heights_standing(forward_kinematics(hips, rotations, body), 0.0)
+    toes = [INDEX["left_toe"], INDEX["right_toe"]]
+    side = np.array([1.0, 0.0, 0.0])
+    steep = 1.1 * np.clip((np.arange(31) - 14) / 4, 0, 1)[:, None] * side
+    for ankle in ("left_ankle", "right_ankle"):
+        turned = multiply(from_vectors(0.2 * side + steep), rotations[:, INDEX[ankle]])
+        rotations[:, INDEX[ankle]] = turned
+    stands = np.repeat((np.arange(31) < 15)[:, None], 4, axis=1)
+    flat = flat_feet.flat(hips, rotations, body, stands, lowest, size, np.ones(31))
+    moved = (forward_kinematics(hips, flat, body) - forward_kinematics(hips, rotations, body))[:, toes]
+    far = np.linalg.norm(moved, axis=2).max(axis=1)
+    assert far[:12].min() > 0.015
+    assert far[17:].max() < far[:12].max()
+
+
 def test_the_lower_foot_bears_a_body_whether_or_not_it_was_recorded_to_stand(made_by: MatchingGenerator) -> None:
     """Seen of a depth sensor's recordings: its knee was bent, until it was as high as the one that stands."""
     hips, rotations, body, size = stood()

@@ -40,9 +40,13 @@ def flat(
     for i, side in enumerate(SIDES):
         ankle, toe = INDEX[f"{side}_ankle"], INDEX[f"{side}_toe"]
         above = joints[:, [ankle, toe], 1] - lowest[2 * i : 2 * i + 2]
-        lower = while_held(above[:, 0] - above[:, 1], np.asarray(stands[:, 2 * i : 2 * i + 2].all(axis=1)), SLOWLY)
+        held = np.asarray(stands[:, 2 * i : 2 * i + 2].all(axis=1))
+        lower = while_held(above[:, 0] - above[:, 1], held, SLOWLY)
         up = np.sign(lower) * turned(np.abs(lower), rest_offsets[toe], size, share)
-        pitch(world, ankle, joints[:, toe] - joints[:, ankle], up)
+        foot = joints[:, toe] - joints[:, ankle]
+        # A foot that leaves the ground gets steep: turned by as much, its toes get less far up.
+        level = np.sqrt(np.maximum(np.sum(rest_offsets[toe] ** 2) - (lowest[2 * i] - lowest[2 * i + 1]) ** 2, 1e-9))
+        pitch(world, ankle, foot, up * np.where(held, 1.0, np.minimum(1.0, np.hypot(foot[:, 0], foot[:, 2]) / level)))
     return local_rotations(world)
 
 
