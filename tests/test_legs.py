@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from motionlake.arrays import BoolArray, Float64Array
 from motionlake.matching.generator import MatchingGenerator
-from motionlake.matching.legs import SMOOTH, STRETCH, lead
+from motionlake.matching.legs import SMOOTH, STRETCH, bring_foot
 from motionlake.motion.generation import FPS, MotionRequest
 from motionlake.motion.two_bones import REACH
 
@@ -38,7 +38,7 @@ def led(
     world = np.zeros((count, 21, 4))
     world[..., 0] = 1
     hip, knee, ankle = at
-    lead(world, (1, 2, 3), at, wanted, np.tile(FOOT, (count, 1)), flat, np.tile(AHEAD, (count, 1)))
+    bring_foot(world, (1, 2, 3), at, wanted, np.tile(FOOT, (count, 1)), flat, np.tile(AHEAD, (count, 1)))
     bones = [knee - hip, ankle - knee, np.tile(FOOT, (count, 1))]
     turned = [bone + 2 * np.cross(q[:, 1:], np.cross(q[:, 1:], bone) + q[:, :1] * bone)
               for bone, q in zip(bones, np.moveaxis(world[:, 1:4], 1, 0), strict=True)]  # fmt: skip

@@ -10,7 +10,7 @@ import numpy as np
 from motionlake.arrays import BoolArray, Float64Array, FloatArray, Int64Array
 from motionlake.matching.flat_feet import flat, pitch, turned, while_held
 from motionlake.matching.flights import too_long
-from motionlake.matching.legs import lead
+from motionlake.matching.legs import bring_foot
 from motionlake.matching.recordings import FEET, NEAR, SLOW
 from motionlake.motion.generation import FPS
 from motionlake.motion.kinematics import forward_kinematics, local_rotations, world_rotations
@@ -207,7 +207,7 @@ def _planted(
             change = _from_given(change, standing)
         leg = (joints[:, hip], joints[:, knee], joints[:, ankle])
         pointed = pitch(world, ankle, foot[:, 1] - foot[:, 0], up)
-        lead(world, (hip, knee, ankle), leg, foot[:, 0] + change, pointed, own[:, 0], ahead)
+        bring_foot(world, (hip, knee, ankle), leg, foot[:, 0] + change, pointed, own[:, 0], ahead)
     return local_rotations(world)
 
 

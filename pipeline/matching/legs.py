@@ -7,16 +7,15 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import BoolArray, Float64Array
 from motionlake.motion.rotations import multiply, swing
-from motionlake.motion.two_bones import REACH, across, bent, turn_leg
+from motionlake.motion.two_bones import AHEAD, REACH, across, bent, turn_leg
 from scipy.ndimage import gaussian_filter1d
 
 STRAIGHT: Final = 0.2  # of a thigh, by which a knee is to a side: one that is less bends as in the frames about it
 STRETCH: Final = 0.5  # of what a leg lacks to be straight, by which it is stretched where only its toes stand
 SMOOTH: Final = 4.0  # frames about one, of either
-AHEAD: Final = 0.02  # of a thigh: a knee that is bent less than this for a while bends ahead
 
 
-def lead(
+def bring_foot(
     world: Float64Array, leg: tuple[int, int, int], at: tuple[Float64Array, Float64Array, Float64Array],
     wanted: Float64Array, toe: Float64Array, flat: BoolArray, ahead: Float64Array,
 ) -> None:  # fmt: skip

@@ -139,7 +139,7 @@ class Player:
         return np.array([left, ahead, turn], dtype=float)
 
     def _rate(self, t: int) -> float:
-        """How many recorded frames a frame takes."""
+        """How many recorded frames lie between the frame before and this one."""
         ending = self._ends_at(t - 1)
         if ending is not None:
             return self._pace * ending

@@ -15,7 +15,12 @@ OFTEN: Final = 1.0  # a second: the frames of a slower recording, each several t
 
 
 def held_ranges(positions: FloatArray, fps: float) -> list[tuple[int, int]]:
-    """Ranges [first, last] of frames that are one pose, of joints [F, 21, 3], metres."""
+    """Ranges [first, last] of frames that are one pose, which the body gets into or out of within one frame.
+
+    Args:
+        positions: [F, 21, 3] joints, metres.
+        fps: frames a second.
+    """
     steps = np.linalg.norm(np.diff(positions.astype(np.float64), axis=0), axis=2)
     still = runs(np.asarray(steps.max(axis=1, initial=0.0) < STILL), 0, SHORTEST)
     found = [(a, b) for a, b in still if _speed_beside(steps, a, b) * fps > AT_ONCE]
