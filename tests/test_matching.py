@@ -24,14 +24,14 @@ from motionlake.matching.generator import MatchingGenerator, load_generator
 from motionlake.matching.inertia import decayed, joined_points, joined_rotations
 from motionlake.matching.played import AGAIN, UNEVEN, Played, costs_of_before, costs_of_short
 from motionlake.matching.player import Player
-from motionlake.matching.recordings import FEET, aloft, rooted, sound_ranges, standing
+from motionlake.matching.recordings import aloft, rooted, sound_ranges, standing
 from motionlake.matching.search import distances, drawn
 from motionlake.motion.generation import FPS, Control, GeneratedMotion, MotionRequest
 from motionlake.motion.ground import Ground, ground_of, levelled
 from motionlake.motion.kinematics import forward_kinematics
 from motionlake.motion.paths import ground_path, shape_path
 from motionlake.motion.rotations import angle, from_vectors, multiply
-from motionlake.motion.skeleton import INDEX, body_length, body_poses, mirrored_positions, mirrored_rotations
+from motionlake.motion.skeleton import FEET, INDEX, body_length, body_poses, mirrored_positions, mirrored_rotations
 from motionlake.weights import save_tensors
 
 from bench.canonical_sets import LabelledClip, read
@@ -129,7 +129,7 @@ def test_a_body_that_a_sensor_lifts_for_some_frames_stays_on_the_ground(made_by:
     near, stands_on = np.ones(31, dtype=bool), np.zeros((31, 4), dtype=bool)
     no_flight = np.zeros((31, len(LEVELS)))
     moved, planted = on_ground(hips, rotations, body, stands_on, Soles(lowest, 0.0), size, near, no_flight)
-    feet = forward_kinematics(moved, planted, body)[:, [INDEX[name] for name in FEET], 1]
+    feet = forward_kinematics(moved, planted, body)[:, FEET, 1]
     above = (feet - lowest).min(axis=1)
     assert above.max() < (HIGH + 0.005) * size
     assert above.min() > -0.005 * size
@@ -147,7 +147,7 @@ def test_a_foot_that_points_otherwise_is_flat_where_it_stands(made_by: MatchingG
     stands = np.ones((len(hips), 4), dtype=np.bool_)
 
     def uneven(rotations: Float64Array) -> Float64Array:
-        above = forward_kinematics(hips, rotations, body)[:, [INDEX[name] for name in FEET], 1] - lowest
+        above = forward_kinematics(hips, rotations, body)[:, FEET, 1] - lowest
         return np.abs(above[:, 0::2] - above[:, 1::2]) / size
 
     flat = flat_feet.flat(hips, stand, body, stands, lowest, size, np.ones(len(hips)))
@@ -186,11 +186,10 @@ def test_the_lower_foot_bears_a_body_whether_or_not_it_was_recorded_to_stand(mad
     lowest = heights_standing(joints, 0.0)
     across = joints[0, INDEX["left_hip"]] - joints[0, INDEX["right_hip"]]
     aside = np.array([-across[2], 0.0, across[0]]) / np.linalg.norm(across[[0, 2]])
-    feet_of = [INDEX[name] for name in FEET]
     for turn in (0.2, -0.2):
         leaning = rotations.copy()
         leaning[:, 0] = multiply(from_vectors(turn * aside), rotations[:, 0])
-        above = forward_kinematics(hips, leaning, body)[0, feet_of, 1] - lowest
+        above = forward_kinematics(hips, leaning, body)[0, FEET, 1] - lowest
         lower = int(above[:2].min() > above[2:].min())  # the left or the right foot
         assert abs(above[:2].min() - above[2:].min()) > 0.02 * size
         stands_on = np.zeros((31, 4), dtype=bool)

@@ -26,7 +26,6 @@ from motionlake.glogen.sparse import (
     uniform_places,
 )
 from motionlake.glogen.trajectories import (
-    FEET,
     FPS,
     STANDARD,
     BodyMotion,
@@ -37,7 +36,7 @@ from motionlake.glogen.trajectories import (
     resampled,
     standard_joints,
 )
-from motionlake.motion.skeleton import INDEX, PARENTS, body_length, facing, mirrored_positions
+from motionlake.motion.skeleton import FEET, INDEX, PARENTS, body_length, facing, mirrored_positions
 
 from tests.lakes import canonical_clips, query
 from tests.test_pictures import standing
@@ -111,23 +110,21 @@ def test_a_standing_foot_stays_on_the_ground() -> None:
     assert np.linalg.norm(np.diff(slides[:, foot, ::2], axis=0), axis=1).mean() > 0.02
     assert np.linalg.norm(np.diff(held[5:-5, foot, ::2], axis=0), axis=1).mean() < 0.002
     floats = replace(motion, height=motion.height + 0.2)
-    feet = [INDEX[name] for name in FEET]
     for stands, least, most in ((0.0, 0.15, 1.0), (1.0, -0.01, 0.02)):
         made = in_world(replace(floats, stands=np.full((60, 2), stands)), STANDARD, np.array([0.0, 0.5, 0.0]), 0.0)[0]
-        lowest = made[:, feet, 1].min(axis=1) - 0.5
+        lowest = made[:, FEET, 1].min(axis=1) - 0.5
         assert least < lowest.mean() < most
         assert np.ptp(lowest) < 0.05 or not stands
 
 
 def test_who_stands_sinks_no_deeper_than_the_legs_bend_and_who_flies_is_left_alone() -> None:
     motion = body_motion(swinging(60), 30.0)
-    feet = [INDEX[name] for name in FEET]
     dip = 0.2 * np.exp(-(((np.arange(60) - 30) / 6) ** 2))
 
     def lowest(change: np.ndarray, stands: float) -> np.ndarray:
         moved = replace(motion, height=motion.height + change, stands=np.full((60, 2), stands))
         made = in_world(moved, STANDARD, np.array([0.0, 0.5, 0.0]), 0.0)[0]
-        return np.asarray(made[:, feet, 1].min(axis=1) - 0.5)
+        return np.asarray(made[:, FEET, 1].min(axis=1) - 0.5)
 
     # The legs stay straight while the hips go down and up by as much.
     assert lowest(-dip, 0.7).min() < -0.1

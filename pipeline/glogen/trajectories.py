@@ -18,6 +18,7 @@ from motionlake.motion.kinematics import forward_kinematics, local_rotations, wo
 from motionlake.motion.resampling import interpolated
 from motionlake.motion.rotations import turn_about_y, turn_on_ground
 from motionlake.motion.skeleton import (
+    FEET,
     INDEX,
     JOINTS,
     LENGTH_JOINTS,
@@ -89,7 +90,6 @@ def posed(positions: Float64Array, rest_offsets: Float64Array, root: Float64Arra
 WINDOW: Final = 7
 ORDER: Final = 3
 JOINTS_GIVEN: Final = len(JOINTS) - 1  # all but the hips
-FEET: Final = ("left_ankle", "left_toe", "right_ankle", "right_toe")
 # A foot stands that is slower and lower than this: body lengths a second, body lengths above its own lowest places.
 SLOW: Final = 0.4
 LOW: Final = 0.06
@@ -161,7 +161,7 @@ def body_motion(positions: Float64Array, fps: float) -> BodyMotion:
     sampled = sampled / size
     yaw = facing(sampled)
     root = sampled[:, 0]
-    feet = sampled[:, [INDEX[name] for name in FEET]]
+    feet = sampled[:, FEET]
     ground = np.quantile(feet[..., 1].min(axis=1), 0.05)
     return BodyMotion(
         turn_about_y(standard_joints(sampled), -yaw)[:, 1:],
@@ -222,7 +222,7 @@ def in_world(
 
 def _held(steps: Float64Array, seen: Float64Array, stands: Float64Array) -> Float64Array:
     """Steps of the root [T, 3] that keep standing feet in place; `seen` [T, 21, 3] joints from the root."""
-    feet = seen[:, [INDEX[name] for name in FEET]].reshape(len(seen), 2, 2, 3)
+    feet = seen[:, FEET].reshape(len(seen), 2, 2, 3)
     back = -_forward(feet)
     lower = feet[..., 1].argmin(axis=2)  # of ankle and toe, the one that bears
     bearing = np.take_along_axis(back, lower[..., None, None], axis=2)[:, :, 0]
@@ -241,7 +241,7 @@ def _grounded(heights: Float64Array, seen: Float64Array, stands: Float64Array, s
     keep their heights. Where a foot surely stands it is never further away than in recordings: a squat of limbs of
     constant length goes less deep than a depth sensor has it.
     """
-    lowest = seen[:, [INDEX[name] for name in FEET], 1].min(axis=1)
+    lowest = seen[:, FEET, 1].min(axis=1)
     weights = stands.max(axis=1)
     settled = heights + _spread(-lowest - heights, weights, SETTLE)
     apart = -lowest - settled

@@ -15,7 +15,6 @@ from motionlake.matching.actions import FASTEST, comes_to_rest, has_a_course
 from motionlake.matching.features import AHEAD, PLACES, POSE, VELOCITIES, features, mirrored_features, scales
 from motionlake.matching.flights import longest_flights
 from motionlake.matching.recordings import (
-    FEET,
     FPS,
     SHORTEST,
     MatchingClip,
@@ -29,7 +28,7 @@ from motionlake.motion.ground import ground_of, levelled
 from motionlake.motion.limbs import even_limbs
 from motionlake.motion.rotations import turn_on_ground
 from motionlake.motion.sides import names_a_side, unlike_mirrored
-from motionlake.motion.skeleton import INDEX, JOINTS, body_length
+from motionlake.motion.skeleton import FEET, JOINTS, body_length
 from motionlake.weights import read_tensors, save_tensors
 
 METADATA_KEY: Final = "matching_database"
@@ -308,7 +307,7 @@ def _pieces(clip: MatchingClip) -> list[_Piece]:
 
 
 def _flown(motion: RootedMotion) -> Float64Array:
-    return longest_flights(clearance(motion.joints[:, [INDEX[name] for name in FEET]]))
+    return longest_flights(clearance(motion.joints[:, FEET]))
 
 
 def _joined(rows: Sequence[Any]) -> Float32Array:

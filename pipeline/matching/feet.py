@@ -11,10 +11,10 @@ from motionlake.arrays import BoolArray, Float64Array, FloatArray, Int64Array
 from motionlake.matching.flat_feet import flat, pitch, turned, while_held
 from motionlake.matching.flights import too_long
 from motionlake.matching.legs import bring_foot
-from motionlake.matching.recordings import FEET, NEAR, SLOW
+from motionlake.matching.recordings import NEAR, SLOW
 from motionlake.motion.generation import FPS
 from motionlake.motion.kinematics import forward_kinematics, local_rotations, world_rotations
-from motionlake.motion.skeleton import INDEX
+from motionlake.motion.skeleton import FEET, INDEX
 from motionlake.motion.standing import SIDES, staying
 from motionlake.motion.two_bones import level_ahead
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
@@ -30,8 +30,7 @@ EASE: Final = 8  # frames after given ones in which the body begins to settle
 BLEND: Final = 5  # frames over which a foot comes to where it stands, and leaves it
 SITS: Final = 0.12  # body lengths that the hips of one who sits or lies are above where toes stand, at most
 KNEELS: Final = 0.06  # likewise a knee that is on the ground
-SOLE: Final = [INDEX[name] for name in FEET]
-OTHERS: Final = [joint for joint in INDEX.values() if joint not in SOLE]
+OTHERS: Final = [joint for joint in INDEX.values() if joint not in FEET]
 
 
 @dataclass(frozen=True)
@@ -99,7 +98,7 @@ def _body_settled(
     joints: Float64Array, stands: BoolArray, soles: Soles, floor: Float64Array, size: float, given: Float64Array
 ) -> Float64Array:
     """[T] metres by which a body of joints [T, 21, 3] is lowered onto what stands, or raised out of the ground."""
-    above = joints[:, SOLE, 1] - soles.lowest - floor[:, None]
+    above = joints[:, FEET, 1] - soles.lowest - floor[:, None]
     stands = stands & ~np.repeat(_rests(joints, soles, size), 2, axis=1)
     settled = _settled(above, _bearing(joints, above, stands, size), SETTLE)
     settled -= given * settled[0]
@@ -114,7 +113,7 @@ def _bearing(joints: Float64Array, above: Float64Array, stands: BoolArray, size:
 
     What is recorded a little above the other foot, so that it does not stand, is the lower one on another body.
     """
-    level = joints[:, SOLE][..., [0, 2]]
+    level = joints[:, FEET][..., [0, 2]]
     slow = np.linalg.norm(np.diff(level, axis=0, prepend=level[:1]), axis=-1) * FPS < SLOW * size
     lowest = np.where(stands, above, np.inf).min(axis=1, keepdims=True)
     return np.asarray(stands | (slow & np.isfinite(lowest) & (above < lowest)))
@@ -122,7 +121,7 @@ def _bearing(joints: Float64Array, above: Float64Array, stands: BoolArray, size:
 
 def _lifted(joints: Float64Array, soles: Soles, floor: Float64Array, size: float, given: Float64Array) -> Float64Array:
     """[T] metres by which a body of joints [T, 21, 3] is lifted, so that no joint is below the ground."""
-    feet = joints[:, SOLE, 1] - soles.lowest
+    feet = joints[:, FEET, 1] - soles.lowest
     deep = np.maximum(0.0, (np.minimum(floor, 0.0)[:, None] - feet).max(axis=1))
     return np.maximum(_spread(deep, SMOOTH), _sunk(joints, soles, size, given))
 
@@ -132,7 +131,7 @@ def _lowered(
     longest: Float64Array | None,
 ) -> Float64Array:  # fmt: skip
     """[T] metres by which a body of joints [T, 21, 3] that was lifted is lowered: onto the ground, not into it."""
-    lowest = (joints[:, SOLE, 1] - soles.lowest).min(axis=1) + lifted - floor
+    lowest = (joints[:, FEET, 1] - soles.lowest).min(axis=1) + lifted - floor
     lowered = _spread(_high(lowest, floor, size, near, longest), SMOOTH)
     lowered = np.minimum(lowered, np.maximum(0.0, lowest))
     room = np.maximum(0.0, _lowest_of_others(joints, soles) + lifted)
@@ -234,7 +233,7 @@ def _rising(metres: Float64Array) -> Float64Array:
 
 def heights_standing(joints: Float64Array, ground: float) -> Float64Array:
     """[4] heights over the ground of the joints of `FEET` of a body's frames [F, 21, 3], where they are lowest."""
-    feet = joints[:, SOLE, 1] - ground
+    feet = joints[:, FEET, 1] - ground
     lowest = np.quantile(feet, 0.05, axis=0)
     level: Float64Array = np.repeat(np.minimum(lowest[:2], lowest[2:])[None], 2, axis=0).ravel()
     return level
@@ -242,5 +241,5 @@ def heights_standing(joints: Float64Array, ground: float) -> Float64Array:
 
 def standing_above(pose: Float64Array, stands: BoolArray, lowest: Float64Array) -> float:
     """Metres by which the joints of `FEET` of a pose [21, 3] that stand [4] are higher than `lowest` [4]; 0 of none."""
-    above = pose[SOLE, 1] - lowest
+    above = pose[FEET, 1] - lowest
     return float(above[stands].min(initial=np.inf)) if stands.any() else 0.0

@@ -31,7 +31,7 @@ def flat(
         hips: [T, 3] metres.
         rotations: [T, 21, 4] local.
         rest_offsets: [21, 3] metres.
-        stands: [T, 4] of `recordings.FEET`.
+        stands: [T, 4] of `skeleton.FEET`.
         lowest: [4] metres of these joints where a foot is flat.
         size: metres of a body length.
         share: [T] of the turn, 0 to 1.

@@ -22,10 +22,9 @@ from motionlake.motion.quality.faults import Recording
 from motionlake.motion.quality_config import QualityConfig
 from motionlake.motion.resampling import resample
 from motionlake.motion.rotations import from_vectors, multiply, turn_on_ground
-from motionlake.motion.skeleton import INDEX, body_length, facing
+from motionlake.motion.skeleton import FEET, body_length, facing
 from scipy.ndimage import gaussian_filter1d
 
-FEET: Final = ("left_ankle", "left_toe", "right_ankle", "right_toe")
 SMOOTH: Final = 6.0  # frames, of the root's place and heading
 # A joint of a foot stands that is slower and lower than this: body lengths a second, body lengths above its lowest.
 SLOW: Final = 0.45
@@ -138,7 +137,7 @@ def rooted(
     world = resample(np.asarray(positions, dtype=float), fps, FPS) / body_length(rest_offsets)
     heading = _smooth(facing(world))
     place = _smooth(world[:, 0, [0, 2]])
-    feet = world[:, [INDEX[name] for name in FEET]]
+    feet = world[:, FEET]
     ground = float(np.quantile(feet[:, [1, 3], 1].min(axis=1), GROUND))
     joints = seen_from(world, place, heading)
     joints[..., 1] -= ground

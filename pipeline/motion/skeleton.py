@@ -18,6 +18,7 @@ JOINTS: Final[tuple[str, ...]] = (
 )  # fmt: skip
 PARENTS: Final[tuple[int, ...]] = (-1, 0, 1, 2, 3, 2, 5, 6, 7, 2, 9, 10, 11, 0, 13, 14, 15, 0, 17, 18, 19)
 INDEX: Final[dict[str, int]] = {name: i for i, name in enumerate(JOINTS)}
+FEET: Final = [INDEX[name] for name in ("left_ankle", "left_toe", "right_ankle", "right_toe")]
 _OTHER_SIDE: Final = {"left": "right", "right": "left"}
 # Index of each joint's counterpart on the other side; a joint of the middle is its own.
 MIRRORED_JOINTS: Final = tuple(INDEX["_".join(_OTHER_SIDE.get(w, w) for w in name.split("_"))] for name in JOINTS)

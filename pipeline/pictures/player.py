@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 from motionlake.arrays import FloatArray
-from motionlake.motion.skeleton import INDEX, JOINTS, PARENTS
+from motionlake.motion.skeleton import FEET, INDEX, JOINTS, PARENTS
 from motionlake.names import html, printable
 from motionlake.pictures.bands import Segment, in_few_lanes, lane_count, lanes_of
 from motionlake.pictures.html import document
@@ -23,7 +23,6 @@ _TOKENS: Final = {"ink": INK, "faint": FAINT, "none": NONE, "left": LEFT, "right
 MOST_CLIPS: Final = 4
 # The script, in the order in which its parts use one another.
 _PARTS: Final = ("motion", "scene", "marks", "body", "curves")
-_FEET: Final = ("left_ankle", "left_toe", "right_ankle", "right_toe")
 _TRAILS: Final = ("head", "left_wrist", "right_wrist", "left_ankle", "right_ankle")
 _SHOWN: Final = (
     ("body", "capsules"), ("contacts", "standing feet"), ("trails", "trails"), ("onion", "onion skin"),
@@ -188,7 +187,7 @@ def _motion(clips: Sequence[PlayerClip]) -> dict[str, Any]:
         "head": INDEX["head"],
         "neck": INDEX["neck"],
         "names": JOINTS,
-        "feet": [INDEX[name] for name in _FEET],
+        "feet": FEET,
         "trails": [INDEX[name] for name in _TRAILS],
         "clips": [
             {
