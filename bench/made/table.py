@@ -23,9 +23,9 @@ from bench.units import Found
 
 SEEDS: Final = (0, 1, 2)
 POSES: Final = 400  # of all motions, for diversity
-MEANS: Final = ("travel_speed", "energy", "jerk", "skate_ratio", "slide_speed", "sunk")
+MEANS: Final = ("travel_speed", "energy", "jerk", "jerk_peak", "skate_ratio", "slide_speed", "sunk")
 WORST: Final = ("penetration", "airborne", "height", "bone_length_drift")
-RATIOS: Final = ("travel_speed", "energy", "diversity", "skate_ratio", "jerk")
+RATIOS: Final = ("travel_speed", "energy", "diversity", "skate_ratio", "jerk", "jerk_peak")
 STARTS: Final = ("from_unseen", "from_known")  # clips that motions go on from
 
 
