@@ -4,6 +4,7 @@ what must not pass: a frozen body."""
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -15,7 +16,8 @@ from motionlake.arrays import Float32Array, Float64Array
 from motionlake.evaluation.synthesis.contact import footing
 from motionlake.evaluation.synthesis.movement import bone_length_drift, energy, travel_speed
 from motionlake.matching import flat_feet
-from motionlake.matching.course import Part, Start
+from motionlake.matching.assembly import assembled
+from motionlake.matching.course import Course, Part, Start
 from motionlake.matching.database import MotionDatabase, build_database
 from motionlake.matching.features import POSE, features, mirrored_features
 from motionlake.matching.feet import HIGH, Soles, heights_standing, on_ground
@@ -375,6 +377,24 @@ def test_calibration_poses_are_left_out(made_by: MatchingGenerator) -> None:
     assert (data.pieces[:, 3] > 0).mean() == 1.0
     arms = data.features.reshape(len(data), -1)[:, [12, 15]]  # left and right wrist, to the left
     assert np.abs(arms).max() < 0.9  # body lengths: no stretched arms
+
+
+def test_a_run_that_begins_with_a_recording_is_joined_as_if_it_had_begun_before(recordings: Path) -> None:
+    """Seen of runs: who was played on from the first frame of a recording halted for a frame."""
+    clip = clips_of("walk")[0]
+    every, half = round(clip.fps / FPS), 10
+    start = next(iter(sound_ranges(clip.positions, clip.rotations, clip.fps)))[0] + half * every
+    rest = replace(clip, name=f"{clip.name}-rest", positions=clip.positions[start:], rotations=clip.rotations[start:])
+    data = database_of([clip, rest])
+    first = int(data.pieces[1, 0])
+    at = np.array([*range(half), *range(first, first + half)], dtype=float)
+    count = len(at)
+    course = Course(at, np.zeros(count, dtype=bool), np.zeros((count, 2)), np.zeros(count), [0, half])
+    found, wanted = assembled(data, course, None), data.rotations[:count].astype(float)
+    step = angle(wanted[half - 1, 1:], wanted[half, 1:])
+    assert step.max() > 5
+    assert angle(found.rotations[half, 1:], wanted[half, 1:]).max() < 0.3 * step.max()
+    assert np.abs(found.hips - data.hips[:count]).max() < 0.02
 
 
 @settings(max_examples=30, deadline=None)

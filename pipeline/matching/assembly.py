@@ -11,7 +11,7 @@ from motionlake.matching.course import Course
 from motionlake.matching.database import MotionDatabase
 from motionlake.matching.inertia import GIVEN_HALF_LIFE, HALF_LIFE, joined_points, joined_rotations
 from motionlake.matching.recordings import FPS, about_y
-from motionlake.motion.rotations import multiply, normalise, turn_on_ground
+from motionlake.motion.rotations import conjugate, multiply, normalise, turn_on_ground
 from motionlake.motion.skeleton import mirrored_rotations
 
 
@@ -64,18 +64,22 @@ def assembled(database: MotionDatabase, course: Course, shown: Poses | None) -> 
         if last is None:
             first = max(0, start - 2)
             last = Poses(rotations[[first, start - 1]], hips[[first, start - 1]], stands[[first, start - 1]])
-        first_row = course.at[start]
-        piece = database.piece_of[int(first_row)]
-        low, high = database.pieces[piece, 0], database.pieces[piece, 1] - 1
-        around = np.array([max(low, first_row - 1.0), first_row])
-        before = read_poses(database, around, bool(course.mirrored[start]))
-        if around[0] == around[1]:  # the first frame of a piece: its speed is that to the next
-            pair = read_poses(database, np.array([first_row, min(high, first_row + 1.0)]), bool(course.mirrored[start]))
-            before = pair
+        before = _poses_before(database, float(course.at[start]), bool(course.mirrored[start]))
         half_life = GIVEN_HALF_LIFE if start == 0 else HALF_LIFE
         rotations[start:stop] = joined_rotations(last.rotations, run.rotations, before.rotations, FPS, half_life)
         hips[start:stop] = joined_points(last.hips, run.hips, before.hips, FPS, half_life)
     return Poses(rotations, hips, stands)
+
+
+def _poses_before(database: MotionDatabase, row: float, mirrored: bool) -> Poses:
+    """The poses one frame before a row and at it; before the first frame of a piece a body came as it goes on."""
+    first, end = database.pieces[database.piece_of[int(row)], :2]
+    if row - 1 >= first:
+        return read_poses(database, np.array([row - 1, row]), mirrored)
+    pair = read_poses(database, np.array([row, min(end - 1.0, row + 1)]), mirrored)
+    (here, there), (at, to) = pair.rotations, pair.hips
+    rotations = np.stack([multiply(multiply(here, conjugate(there)), here), here])
+    return Poses(rotations, np.stack([2 * at - to, at]), pair.stands)
 
 
 def in_world(poses: Poses, course: Course, size: float) -> tuple[Float64Array, Float64Array]:
