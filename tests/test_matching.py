@@ -181,26 +181,41 @@ def test_toes_of_a_foot_that_leaves_the_ground_are_not_flicked_ahead(made_by: Ma
     assert far[17:].max() < far[:12].max()
 
 
-def test_the_lower_foot_bears_a_body_whether_or_not_it_was_recorded_to_stand(made_by: MatchingGenerator) -> None:
-    """Seen of a depth sensor's recordings: its knee was bent, until it was as high as the one that stands."""
+def leaning(turn: float) -> tuple[Float64Array, Float64Array, Float64Array, Soles, float, int]:
+    """As `stood`, leaning aside by so much, radians; how feet stand upright, and which is lower, 0 or 1."""
     hips, rotations, body, size = stood()
     joints = forward_kinematics(hips, rotations, body)
-    lowest = heights_standing(joints, 0.0)
+    soles = Soles(heights_standing(joints, 0.0))
     across = joints[0, INDEX["left_hip"]] - joints[0, INDEX["right_hip"]]
     aside = np.array([-across[2], 0.0, across[0]]) / np.linalg.norm(across[[0, 2]])
-    for turn in (0.2, -0.2):
-        leaning = rotations.copy()
-        leaning[:, 0] = multiply(from_vectors(turn * aside), rotations[:, 0])
-        above = forward_kinematics(hips, leaning, body)[0, FEET, 1] - lowest
-        lower = int(above[:2].min() > above[2:].min())  # the left or the right foot
-        assert abs(above[:2].min() - above[2:].min()) > 0.02 * size
-        stands_on = np.zeros((31, 4), dtype=bool)
-        stands_on[:, 2 - 2 * lower : 4 - 2 * lower] = True  # the other one
-        moved, planted = on_ground(hips, leaning, body, stands_on, Soles(lowest), size)
-        before, after = (
-            _flexion(forward_kinematics(*pose, body))[10:20, lower] for pose in ((hips, leaning), (moved, planted))
-        )
-        assert np.abs(after - before).max() < np.radians(4)
+    rotations[:, 0] = multiply(from_vectors(turn * aside), rotations[:, 0])
+    above = forward_kinematics(hips, rotations, body)[0, FEET, 1] - soles.lowest
+    left, right = above[:2].min(), above[2:].min()
+    assert abs(left - right) > 0.02 * size
+    return hips, rotations, body, soles, size, int(left > right)
+
+
+@pytest.mark.parametrize("turn", [0.2, -0.2])
+def test_the_lower_foot_bears_a_body_whether_or_not_it_was_recorded_to_stand(
+    made_by: MatchingGenerator, turn: float
+) -> None:
+    """Seen of a depth sensor's recordings: its knee was bent, until it was as high as the one that stands."""
+    hips, rotations, body, soles, size, lower = leaning(turn)
+    stands_on = np.repeat(np.arange(4)[None] // 2 != lower, 31, axis=0)
+    moved, planted = on_ground(hips, rotations, body, stands_on, soles, size)
+    before, after = (
+        _flexion(forward_kinematics(*pose, body))[10:20, lower] for pose in ((hips, rotations), (moved, planted))
+    )
+    assert np.abs(after - before).max() < np.radians(4)
+
+
+def test_a_lower_foot_that_moves_bears_nothing_in_any_frame(made_by: MatchingGenerator) -> None:
+    """It did in the first one, before which it was taken to rest."""
+    hips, rotations, body, soles, size, lower = leaning(0.2)
+    hips[:, 0] += 2.0 * np.arange(31) / FPS
+    stands_on = np.repeat(np.arange(4)[None] // 2 != lower, 31, axis=0)
+    moved, _ = on_ground(hips, rotations, body, stands_on, soles, size)
+    assert np.ptp((moved - hips)[:20, 1]) < 1e-3
 
 
 def gone_on(split: str, label: str, seconds: float) -> tuple[list[GeneratedMotion], list[LabelledClip]]:

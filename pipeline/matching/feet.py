@@ -12,6 +12,7 @@ from motionlake.matching.flat_feet import flat, pitch, turned, while_held
 from motionlake.matching.flights import too_long
 from motionlake.matching.legs import bring_foot
 from motionlake.matching.recordings import NEAR, SLOW
+from motionlake.motion.features import change_a_frame
 from motionlake.motion.generation import FPS
 from motionlake.motion.kinematics import forward_kinematics, local_rotations, world_rotations
 from motionlake.motion.skeleton import FEET, INDEX
@@ -113,8 +114,7 @@ def _bearing(joints: Float64Array, above: Float64Array, stands: BoolArray, size:
 
     What is recorded a little above the other foot, so that it does not stand, is the lower one on another body.
     """
-    level = joints[:, FEET][..., [0, 2]]
-    slow = np.linalg.norm(np.diff(level, axis=0, prepend=level[:1]), axis=-1) * FPS < SLOW * size
+    slow = np.linalg.norm(change_a_frame(joints[:, FEET])[..., [0, 2]], axis=-1) * FPS < SLOW * size
     lowest = np.where(stands, above, np.inf).min(axis=1, keepdims=True)
     return np.asarray(stands | (slow & np.isfinite(lowest) & (above < lowest)))
 

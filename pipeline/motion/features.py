@@ -150,7 +150,7 @@ def body_length(positions: Float64Array) -> float:
     return length
 
 
-def _rate(values: Float64Array) -> Float64Array:
+def change_a_frame(values: Float64Array) -> Float64Array:
     """Central differences a frame along the first axis; zero for a single frame."""
     return np.gradient(values, axis=0) if len(values) > 1 else np.zeros_like(values)
 
@@ -162,10 +162,10 @@ def _position_features(positions: Float64Array, size: float, config: WordConfig)
     joints = turn_about_y(positions[:, list(config.joint_indices)] - root[:, None], -angles) / size
     parts = [joints.reshape(n_frames, -1)]
     if config.velocity_weight > 0:
-        parts.append(config.velocity_weight * _rate(joints).reshape(n_frames, -1))
+        parts.append(config.velocity_weight * change_a_frame(joints).reshape(n_frames, -1))
     if config.root_weight > 0:
-        velocity = turn_about_y(_rate(root) / size, -angles)
-        parts.append(config.root_weight * np.column_stack([velocity, _rate(angles)]))
+        velocity = turn_about_y(change_a_frame(root) / size, -angles)
+        parts.append(config.root_weight * np.column_stack([velocity, change_a_frame(angles)]))
     return np.ascontiguousarray(np.concatenate(parts, axis=1), dtype=np.float32)
 
 

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import BoolArray, Float64Array
 from motionlake.motion.canonicalise import CanonicalMotion
+from motionlake.motion.features import change_a_frame
 from motionlake.motion.rotations import MIN_LENGTH
 from motionlake.motion.skeleton import INDEX
 
@@ -37,7 +38,7 @@ def contacts(positions: Float64Array, fps: float, body_height: float) -> BoolArr
     """[F, 2] whether the left and the right foot stand: ankle and toe are still and low, for joints [F, 21, 3]."""
     rows = [[INDEX[f"{side}_ankle"], INDEX[f"{side}_toe"]] for side in SIDES]
     feet = positions[:, rows] / body_height
-    speed = np.linalg.norm(np.gradient(feet, axis=0), axis=-1) * fps if len(feet) > 1 else np.zeros(feet.shape[:3])
+    speed = np.linalg.norm(change_a_frame(feet), axis=-1) * fps
     lowest = np.quantile(feet[..., 1], LOWEST, axis=(0, 1))
     return np.asarray(((speed < STILL) & (feet[..., 1] < lowest + LOW)).all(axis=-1))
 
