@@ -13,7 +13,7 @@ import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.evaluation.synthesis.contact import footing
 from motionlake.evaluation.synthesis.movement import energy
-from motionlake.matching.recordings import sound_ranges
+from motionlake.matching.recordings import longest_range
 from motionlake.motion.generation import FPS, MotionRequest
 from motionlake.motion.ground import ground_of
 from motionlake.motion.keyframes import KeyPoses, even_stretch, through
@@ -35,7 +35,7 @@ SECONDS: Final = 10.0  # of a clip
 
 def filled(label: str, fold: int, clip: LabelledClip, gap: float) -> dict[str, float] | None:
     """What is measured of one clip with a pose every `gap` seconds; None of one that is too short."""
-    start, stop = max(sound_ranges(clip.positions, clip.rotations, clip.fps), key=lambda pair: pair[1] - pair[0])
+    start, stop = longest_range(clip.positions, clip.rotations, clip.fps)
     stop = min(stop, start + round(SECONDS * clip.fps))
     rotations = continuous_signs(resample(clip.rotations[start:stop].astype(float), clip.fps, FPS, spherical=True))
     hips = resample(clip.positions[start:stop].astype(float), clip.fps, FPS)[:, 0]

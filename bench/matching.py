@@ -17,7 +17,7 @@ from motionlake.arrays import Float64Array
 from motionlake.evaluation.synthesis.contact import Footing, footing
 from motionlake.matching.database import build_database
 from motionlake.matching.generator import MatchingGenerator
-from motionlake.matching.recordings import sound_ranges
+from motionlake.matching.recordings import longest_range
 from motionlake.motion.generation import FPS, Control, GeneratedMotion, MotionRequest
 from motionlake.motion.ground import Ground, ground_of
 from motionlake.motion.paths import GroundPath, shape_path
@@ -68,7 +68,7 @@ def generator(labels: tuple[str, ...], fold: int) -> MatchingGenerator:
 
 def recorded(clip: LabelledClip) -> Float64Array:
     """[F, 21, 3] at 30 frames a second, without calibration poses."""
-    start, stop = max(sound_ranges(clip.positions, clip.rotations, clip.fps), key=lambda pair: pair[1] - pair[0])
+    start, stop = longest_range(clip.positions, clip.rotations, clip.fps)
     return resample(clip.positions[start:stop], clip.fps, FPS)
 
 

@@ -24,7 +24,7 @@ from motionlake.glogen.trajectories import body_motion
 from motionlake.matching.generator import MatchingGenerator
 from motionlake.matching.inbetweening import Inbetweens
 from motionlake.matching.keyed_feet import still
-from motionlake.matching.recordings import sound_ranges
+from motionlake.matching.recordings import longest_range
 from motionlake.matching.style import style_costs
 from motionlake.motion.generation import FPS, Control, MotionRequest
 from motionlake.motion.keyframes import KeyPoses, even_stretch, ground_below, through
@@ -50,7 +50,7 @@ def generator() -> MatchingGenerator:
 
 def keyed(clip: LabelledClip, seconds: float) -> tuple[KeyPoses, Float64Array]:
     """Poses of a clip so many seconds apart, and the recorded joints from the first to the last, 30 frames a second."""
-    start, stop = max(sound_ranges(clip.positions, clip.rotations, clip.fps), key=lambda pair: pair[1] - pair[0])
+    start, stop = longest_range(clip.positions, clip.rotations, clip.fps)
     frames = np.arange(start, stop, round(seconds * clip.fps))
     poses, turns = clip.positions[frames, 0].astype(float), clip.rotations[frames].astype(float)
     own = slice(start, frames[-1] + 1, round(clip.fps / FPS))
@@ -179,7 +179,7 @@ def test_locgen_leads_through_a_persons_poses(recordings: Path) -> None:
     made = keyed_motion(network, MotionRequest(("walk",), 1.0, 0, seed_of(clip), keys=keys))
     assert missed(made.positions, keys, offsets_of(clip)) < EXACT
     # The poses as the thesis's interface has them are those that it finds in a recording.
-    start, stop = max(sound_ranges(clip.positions, clip.rotations, clip.fps), key=lambda pair: pair[1] - pair[0])
+    start, stop = longest_range(clip.positions, clip.rotations, clip.fps)
     motion = body_motion(clip.positions[start:stop], clip.fps)
     known = poses_at(motion, keys.frames.astype(float)).rows
     rows = sparse_rows(keys, offsets_of(clip), ground_below(clip.positions, clip.name))

@@ -9,7 +9,7 @@ from typing import Final, Literal
 
 import numpy as np
 from motionlake.evaluation.synthesis.motions import Stretch
-from motionlake.matching.recordings import sound_ranges
+from motionlake.matching.recordings import longest_range
 from motionlake.motion.generation import FPS, GeneratedMotion
 from motionlake.motion.ground import Ground, ground_of
 from motionlake.motion.limbs import LIMBS, even_limbs, nearest
@@ -51,8 +51,7 @@ def clips_of(label: str) -> list[LabelledClip]:
 
 
 def _recorded(clip: LabelledClip) -> LabelledClip:
-    ranges = sound_ranges(clip.positions, clip.rotations, clip.fps)
-    start, stop = max(ranges, key=lambda pair: pair[1] - pair[0])
+    start, stop = longest_range(clip.positions, clip.rotations, clip.fps)
     return replace(clip, positions=clip.positions[start:stop], rotations=clip.rotations[start:stop])
 
 

@@ -17,7 +17,7 @@ from motionlake.matching.features import features
 from motionlake.matching.feet import Soles, heights_standing, on_ground, standing_above
 from motionlake.matching.keyed import keyed_motion
 from motionlake.matching.player import Player
-from motionlake.matching.recordings import FPS, RootedMotion, about_y, rooted, seed_rotations, seen_from, sound_ranges
+from motionlake.matching.recordings import FPS, RootedMotion, about_y, longest_range, rooted, seed_rotations, seen_from
 from motionlake.matching.sources import course_sources
 from motionlake.matching.steering import Steering
 from motionlake.matching.style import style_costs
@@ -204,7 +204,7 @@ def _sound(seed: SeedClip, rotations: Float64Array) -> tuple[int, int]:
     """The longest stretch of the clip without calibration poses and jumps; all of it where that is too short."""
     if len(seed.positions) < 2:
         return 0, len(seed.positions)
-    found = max(sound_ranges(seed.positions, rotations, seed.fps), key=lambda pair: pair[1] - pair[0])
+    found = longest_range(seed.positions, rotations, seed.fps)
     return found if (found[1] - found[0] - 1) / seed.fps * FPS + 1 >= SHORTEST else (0, len(seed.positions))
 
 

@@ -118,6 +118,11 @@ def sound_ranges(positions: Float64Array, rotations: Float64Array, fps: float) -
     return ranges or [(first, last)]
 
 
+def longest_range(positions: Float64Array, rotations: Float64Array, fps: float) -> tuple[int, int]:
+    """The longest of `sound_ranges`."""
+    return max(sound_ranges(positions, rotations, fps), key=lambda pair: pair[1] - pair[0])
+
+
 def rooted(
     positions: Float64Array, rotations: Float64Array | None, rest_offsets: Float64Array, fps: float
 ) -> RootedMotion:

@@ -8,7 +8,7 @@ import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.matching.database import MotionDatabase
 from motionlake.matching.features import POSE, features
-from motionlake.matching.recordings import rooted, seed_rotations, sound_ranges
+from motionlake.matching.recordings import longest_range, rooted, seed_rotations
 from motionlake.motion.generation import SeedClip
 from motionlake.motion.ground import standing_level
 from scipy.spatial import cKDTree
@@ -25,7 +25,7 @@ def style_costs(database: MotionDatabase, style: SeedClip) -> Float64Array:
     if len(style.positions) < 2:
         raise ValueError(f"{style.clip} has one frame; a style needs two at least")
     rotations = seed_rotations(style)
-    start, stop = max(sound_ranges(style.positions, rotations, style.fps), key=lambda pair: pair[1] - pair[0])
+    start, stop = longest_range(style.positions, rotations, style.fps)
     if stop - start < 2:
         start, stop = 0, len(style.positions)
     flat = standing_level(style.positions[start:stop], rotations[start:stop], 0)
