@@ -20,7 +20,7 @@ from motionlake.matching.assembly import assembled
 from motionlake.matching.course import Course, Part, Start
 from motionlake.matching.database import MotionDatabase, build_database
 from motionlake.matching.features import POSE, features, mirrored_features
-from motionlake.matching.feet import HIGH, Soles, heights_standing, on_ground
+from motionlake.matching.feet import HIGH, SINKS, Soles, feet_planted, heights_standing, on_ground
 from motionlake.matching.flights import LEVELS
 from motionlake.matching.generator import MatchingGenerator, load_generator
 from motionlake.matching.inertia import decayed, joined_points, joined_rotations
@@ -216,6 +216,24 @@ def test_a_lower_foot_that_moves_bears_nothing_in_any_frame(made_by: MatchingGen
     stands_on = np.repeat(np.arange(4)[None] // 2 != lower, 31, axis=0)
     moved, _ = on_ground(hips, rotations, body, stands_on, soles, size)
     assert np.ptp((moved - hips)[:20, 1]) < 1e-3
+
+
+@pytest.mark.parametrize("sunk", [0.3, 0.9, 4.0])
+def test_a_foot_that_is_hardly_below_the_ground_bends_no_knee(made_by: MatchingGenerator, sunk: float) -> None:
+    """Seen of a depth sensor's recordings: millimetres bent legs that are nearly straight by ten degrees."""
+    hips, rotations, body, size = stood()
+    lowest = heights_standing(forward_kinematics(hips, rotations, body), 0.0)
+    hips[:, 1] -= sunk * SINKS * size
+    stands_on, floor = np.ones((31, 4), dtype=bool), np.zeros(31)
+    planted = feet_planted(hips, rotations, body, stands_on, Soles(lowest), floor, size)
+    before, after = (forward_kinematics(hips, each, body) for each in (rotations, planted))
+    bent = np.abs(_flexion(after) - _flexion(before))[5:-5]
+    deep = (lowest - after[5:-5][:, FEET, 1]).max()
+    if sunk < 1:
+        assert bent.max() < np.radians(1)
+    else:
+        assert bent.max() > np.radians(5)
+    assert deep < 1.1 * SINKS * size
 
 
 def gone_on(split: str, label: str, seconds: float) -> tuple[list[GeneratedMotion], list[LabelledClip]]:

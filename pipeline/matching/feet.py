@@ -24,6 +24,7 @@ SETTLE: Final = 4.0  # frames over which the body settles
 SMOOTH: Final = 1.0  # frames
 FAR: Final = 0.2  # body lengths that a foot is held back while it stands, at most
 LOWEST: Final = 0.015  # body lengths that this is below the ground, at most
+SINKS: Final = 0.005  # likewise a foot, rather than that it bends its knee
 DEEP: Final = 0.005  # metres below the ground, or too high above it, from which on the whole body is moved
 HIGH: Final = 0.03  # body lengths above the ground of a foot that was near it as recorded, at most
 FLOOR: Final = 15.0  # frames: half-life of what given feet stood on above the ground, or below it
@@ -85,14 +86,14 @@ def on_ground(
     floor = max(soles.floor or 0.0, -LOWEST * size) * np.exp(-math.log(2) / FLOOR * np.arange(len(hips)))
     moved = hips.copy()
     moved[:, 1] -= _body_settled(forward_kinematics(hips, rotations, rest_offsets), stands, soles, floor, size, given)
-    planted = _planted(moved, rotations, rest_offsets, stands, soles, floor, size)
+    planted = feet_planted(moved, rotations, rest_offsets, stands, soles, floor, size)
     joints = forward_kinematics(moved, planted, rest_offsets)
     lifted = _lifted(joints, soles, floor, size, given)
     lowered = np.zeros(len(hips)) if near is None else _lowered(joints, lifted, soles, floor, size, near, longest)
     if max(lifted.max(), lowered.max()) < DEEP:
         return moved, planted
     moved[:, 1] += lifted - lowered
-    return moved, _planted(moved, rotations, rest_offsets, stands, soles, floor, size)
+    return moved, feet_planted(moved, rotations, rest_offsets, stands, soles, floor, size)
 
 
 def _body_settled(
@@ -122,7 +123,7 @@ def _bearing(joints: Float64Array, above: Float64Array, stands: BoolArray, size:
 def _lifted(joints: Float64Array, soles: Soles, floor: Float64Array, size: float, given: Float64Array) -> Float64Array:
     """[T] metres by which a body of joints [T, 21, 3] is lifted, so that no joint is below the ground."""
     feet = joints[:, FEET, 1] - soles.lowest
-    deep = np.maximum(0.0, (np.minimum(floor, 0.0)[:, None] - feet).max(axis=1))
+    deep = np.maximum(0.0, (np.minimum(floor, 0.0)[:, None] - SINKS * size - feet).max(axis=1))
     return np.maximum(_spread(deep, SMOOTH), _sunk(joints, soles, size, given))
 
 
@@ -183,11 +184,16 @@ def _high(
     return down if longest is None else np.maximum(down, size * too_long(lowest / size - NEAR, longest))
 
 
-def _planted(
+def feet_planted(
     hips: Float64Array, rotations: Float64Array, rest_offsets: Float64Array, stands: BoolArray, soles: Soles,
     floor: Float64Array, size: float,
 ) -> Float64Array:  # fmt: skip
-    """Local rotations by which hips, knees and ankles bring the feet where they belong; `floor` [T] metres of it."""
+    """Local rotations [T, 21, 4] by which hips, knees and ankles bring the feet where they belong.
+
+    Args:
+        hips, rotations, rest_offsets, stands, soles, size: as of `on_ground`.
+        floor: [T] metres of the ground above where the feet stand.
+    """
     joints = forward_kinematics(hips, rotations, rest_offsets)
     world = world_rotations(rotations)
     ahead = level_ahead(joints[:, INDEX["left_hip"]], joints[:, INDEX["right_hip"]])
@@ -201,7 +207,9 @@ def _planted(
         down = -_settled(above, own, SMOOTH) * bears[:, i]
         up = turned(_rising(-(above[:, 1] + down)), rest_offsets[toe], size, 1 - _given(soles, len(hips)))
         # Never below the ground: the toes are turned up, the foot is lifted by what is left.
-        change[:, 1] = down + _rising(-np.minimum(above[:, 0], above[:, 1] + up) - down)
+        raised = down + _rising(-np.minimum(above[:, 0], above[:, 1] + up) - down)
+        # By the last millimetres out of the ground a leg that is nearly straight would bend by ten degrees.
+        change[:, 1] = np.minimum(raised, np.maximum(0.0, raised - SINKS * size))
         if soles.floor is not None:
             change = _from_given(change, standing)
         leg = (joints[:, hip], joints[:, knee], joints[:, ankle])
