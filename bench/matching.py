@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.evaluation.synthesis.contact import Footing, footing
-from motionlake.matching.database import build_database
+from motionlake.matching.building import build_database
 from motionlake.matching.generator import MatchingGenerator
 from motionlake.matching.recordings import longest_range
 from motionlake.motion.generation import FPS, Control, GeneratedMotion, MotionRequest

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from motionlake.arrays import Float64Array
-from motionlake.matching.database import MotionDatabase, build_database
+from motionlake.matching.building import build_database
+from motionlake.matching.database import MotionDatabase
 from motionlake.matching.recordings import MatchingClip
 from motionlake.motion.generation import SeedClip
 

@@ -17,8 +17,9 @@ from motionlake.evaluation.synthesis.contact import footing
 from motionlake.evaluation.synthesis.movement import bone_length_drift, energy, travel_speed
 from motionlake.matching import flat_feet
 from motionlake.matching.assembly import assembled
+from motionlake.matching.building import build_database
 from motionlake.matching.course import Course, Part, Start
-from motionlake.matching.database import MotionDatabase, build_database
+from motionlake.matching.database import MotionDatabase
 from motionlake.matching.features import POSE, features, mirrored_features
 from motionlake.matching.feet import HIGH, SINKS, Soles, feet_planted, heights_standing, on_ground
 from motionlake.matching.flights import LEVELS

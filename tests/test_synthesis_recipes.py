@@ -14,7 +14,7 @@ from motionlake.glogen.config import PRETRAINED_GENERATOR, SynthesisConfig
 from motionlake.glogen.generator import load_generator
 from motionlake.glogen.likeness import start_distances
 from motionlake.matching import DATABASE_VERSION
-from motionlake.matching.database import build_database
+from motionlake.matching.building import build_database
 from motionlake.motion.sides import names_a_side
 from motionlake.stages.generator_model import GENERATOR
 from motionlake.stages.synthesis_control import Request

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 from motionlake.evaluation.synthesis.motions import Stretch, described
-from motionlake.matching.generator import GIVEN
+from motionlake.matching.course import GIVEN
 from motionlake.motion.features import body_length
 from motionlake.motion.generation import FPS, GeneratedMotion, MotionGenerator
 from motionlake.motion.skeleton import body_poses

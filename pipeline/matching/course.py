@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 from motionlake.arrays import BoolArray, Float32Array, Float64Array
+
+GIVEN: Final = 15  # frames that a motion goes on from
 
 
 @dataclass(frozen=True)

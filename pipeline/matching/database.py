@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
@@ -12,32 +11,29 @@ import numpy as np
 from motionlake.arrays import BoolArray, Float32Array, Float64Array, Int64Array
 from motionlake.matching import DATABASE_VERSION
 from motionlake.matching.actions import FASTEST, comes_to_rest, has_a_course
-from motionlake.matching.features import AHEAD, PLACES, POSE, VELOCITIES, features, mirrored_features, scales
-from motionlake.matching.flights import longest_flights
-from motionlake.matching.recordings import (
-    FPS,
-    SHORTEST,
-    MatchingClip,
-    RootedMotion,
-    clearance,
-    rooted,
-    sound_ranges,
-)
-from motionlake.motion.flips import without_flips
-from motionlake.motion.ground import ground_of, levelled
-from motionlake.motion.limbs import even_limbs
-from motionlake.motion.rotations import turn_on_ground
+from motionlake.matching.features import AHEAD, PLACES, POSE, VELOCITIES, mirrored_features, scales
+from motionlake.matching.recordings import FPS
 from motionlake.motion.sides import names_a_side, unlike_mirrored
-from motionlake.motion.skeleton import FEET, JOINTS, body_length
+from motionlake.motion.skeleton import JOINTS
 from motionlake.weights import read_tensors, save_tensors
 
 METADATA_KEY: Final = "matching_database"
-MOST_FRAMES: Final = 200_000  # at 30 a second; of more, pieces are drawn
 APART: Final = 3  # frames: poses so near in time are joined and nobody sees it
 LEAST_SPEED: Final = 0.3  # body lengths a second: a class whose frames mostly go faster gets about
 ASKED, AMONG = 300, 3000  # frames of a class that are compared, and with how many, to tell what it is like
-QUANTILES: Final = (0.05, 0.5, 0.95)  # of the speeds of a class that metrics tell, metres a second
-_TENSORS: Final = ("rotations", "hips", "steps", "turns", "stands", "aloft", "flights", "features", "pieces", "fps")
+_TENSORS: Final = (
+    "rotations",
+    "hips",
+    "steps",
+    "turns",
+    "stands",
+    "aloft",
+    "flights",
+    "features",
+    "pieces",
+    "fps",
+    "begins",
+)
 
 
 @dataclass(frozen=True)
@@ -49,6 +45,7 @@ class MotionDatabase:
         clips: [M] name of the clip of each piece.
         pieces: [M, 4] first row and the one after the last, class, and the frame of its clip that is the first.
         fps: [M] of the clips.
+        begins: [M] tolerances that it costs to begin a motion in each piece (`hubs.costs_of_beginning`).
         rotations: [N, 21, 4] local; the hips' are relative to the root's heading.
         hips: [N, 3] from the root on the ground.
         steps: [N, 2] of the root to the next frame (left, ahead), a second.
@@ -64,6 +61,7 @@ class MotionDatabase:
     clips: list[str]
     pieces: Int64Array
     fps: Float64Array
+    begins: Float64Array
     rotations: Float32Array
     hips: Float32Array
     steps: Float32Array
@@ -81,6 +79,13 @@ class MotionDatabase:
     def scales(self) -> Float32Array:
         """[48] that make features comparable."""
         return scales(self.features)
+
+    @cached_property
+    def pose_scales(self) -> Float32Array:
+        """[48] of these, 0 of where the root goes: of given frames that is not known."""
+        found = self.scales.copy()
+        found[POSE:] = 0
+        return found
 
     @cached_property
     def compared(self) -> Float32Array:
@@ -232,91 +237,3 @@ def load_database(path: Path) -> MotionDatabase:
     if kept["version"] != DATABASE_VERSION:
         raise ValueError(f"{path} was made by another version; make it anew with `motionlake train synthesis`")
     return MotionDatabase(kept["classes"], kept["clips"], **tensors, metrics=kept["figures"])
-
-
-def build_database(clips: Sequence[MatchingClip], seed: int = 0, most: int = MOST_FRAMES) -> MotionDatabase:
-    """The database of recorded clips.
-
-    Args:
-        clips: of known class.
-        seed: draws pieces where there are more than `most` frames.
-        most: frames.
-
-    Raises:
-        ValueError: no clip has frames enough.
-    """
-    found = [piece for clip in clips for piece in _pieces(clip)]
-    order = np.random.default_rng(seed).permutation(len(found))
-    total = np.cumsum([len(found[i].motion) for i in order])
-    kept = [found[i] for i in sorted(order[: max(1, int(np.searchsorted(total, most, side="right")))].tolist())]
-    if not kept:
-        raise ValueError(f"no motion lasts {SHORTEST / FPS:g} s without a calibration pose")
-    classes = sorted({piece.label for piece in kept})
-    stops = np.cumsum([len(piece.motion) for piece in kept])
-    rows = np.array(
-        [
-            (stop - len(piece.motion), stop, classes.index(piece.label), piece.start)
-            for piece, stop in zip(kept, stops, strict=True)
-        ]
-    )
-    motions = [piece.motion for piece in kept]
-    size = float(np.mean([piece.size for piece in kept]))
-    steps = [steps_of(motion) for motion in motions]
-    database = MotionDatabase(
-        classes, [piece.clip for piece in kept], rows.astype(np.int64), np.array([piece.fps for piece in kept]),
-        _joined([m.rotations for m in motions]), _joined([m.hips for m in motions]),
-        _joined([s[:, :2] for s in steps]), _joined([s[:, 2] for s in steps]),
-        np.concatenate([m.stands for m in motions]), _joined([m.aloft for m in motions]),
-        np.array([np.max([_flown(p.motion) for p in kept if p.label == name], axis=0) for name in classes]),
-        _joined([features(m) for m in motions]),
-        {"frames": int(stops[-1]), "pieces": len(kept), "classes": len(classes), "clips": len({p.clip for p in kept})},
-    )  # fmt: skip
-    speeds = {
-        name: [round(float(size * v), 3) for v in np.quantile(database.speeds(i), QUANTILES)]
-        if database.usual_speed(i)
-        else None
-        for i, name in enumerate(classes)
-    }
-    aside = {name: round(database.aside(i), 3) for i, name in enumerate(classes)}
-    return replace(database, metrics={**database.metrics, "speeds": speeds, "aside": aside})
-
-
-@dataclass(frozen=True)
-class _Piece:
-    clip: str
-    start: int
-    label: str
-    fps: float
-    size: float
-    motion: RootedMotion
-
-
-def _pieces(clip: MatchingClip) -> list[_Piece]:
-    """The stretches of a clip between calibration poses and jumps, on level ground."""
-    found: list[_Piece] = []
-    body = even_limbs(clip.positions, clip.rest_offsets)
-    ranges = sound_ranges(clip.positions, clip.rotations, clip.fps)
-    ground = ground_of(clip.positions[ranges[0][0] : ranges[-1][1]])
-    positions, rotations = levelled(clip.positions, clip.rotations, ground, clip.positions[0, 0])
-    for start, stop in ranges:
-        if (stop - start - 1) / clip.fps * FPS + 1 < SHORTEST:
-            continue
-        motion = rooted(positions[start:stop], without_flips(rotations[start:stop]), body, clip.fps)
-        found.append(_Piece(clip.clip, clip.start + start, clip.label, clip.fps, body_length(body), motion))
-    return found
-
-
-def _flown(motion: RootedMotion) -> Float64Array:
-    return longest_flights(clearance(motion.joints[:, FEET]))
-
-
-def _joined(rows: Sequence[Any]) -> Float32Array:
-    return np.ascontiguousarray(np.concatenate(rows), dtype=np.float32)
-
-
-def steps_of(motion: RootedMotion) -> Float64Array:
-    """[T, 3] steps (left, ahead) and turn of the root to the next frame, a second; the last repeats."""
-    steps, turns = np.diff(motion.place, axis=0), np.diff(motion.heading)
-    left, ahead = turn_on_ground(steps[:, 0], steps[:, 1], -motion.heading[:-1])
-    rows = np.stack([left, ahead, turns], axis=1) * FPS
-    return np.concatenate([rows, rows[-1:]])

@@ -11,13 +11,22 @@ from typing import Any, Final
 import numpy as np
 from motionlake.arrays import Float64Array
 from motionlake.matching.assembly import Poses, assembled, in_world
-from motionlake.matching.course import Course, Part, Start
-from motionlake.matching.database import APART, MotionDatabase, load_database, steps_of
+from motionlake.matching.course import GIVEN, Course, Part, Start
+from motionlake.matching.database import APART, MotionDatabase, load_database
 from motionlake.matching.features import features
 from motionlake.matching.feet import Soles, heights_standing, on_ground, standing_above
 from motionlake.matching.keyed import keyed_motion
 from motionlake.matching.player import Player
-from motionlake.matching.recordings import FPS, RootedMotion, about_y, longest_range, rooted, seed_rotations, seen_from
+from motionlake.matching.recordings import (
+    FPS,
+    RootedMotion,
+    about_y,
+    longest_range,
+    rooted,
+    seed_rotations,
+    seen_from,
+    steps_of,
+)
 from motionlake.matching.sources import course_sources
 from motionlake.matching.steering import Steering
 from motionlake.matching.style import style_costs
@@ -29,7 +38,6 @@ from motionlake.motion.rotations import multiply, turn_on_ground
 from motionlake.motion.skeleton import JOINTS, body_length
 
 PIECE: Final = 100  # frames of a long seed clip from start to start
-GIVEN: Final = 15  # frames that a motion goes on from
 
 
 @dataclass(frozen=True)

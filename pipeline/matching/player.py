@@ -12,13 +12,13 @@ from typing import Final
 
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array
-from motionlake.matching import played
+from motionlake.matching.costs import RowCosts
 from motionlake.matching.course import Course, Part, Start
 from motionlake.matching.database import MotionDatabase
 from motionlake.matching.features import AHEAD, HEADINGS, PLACES, POSE
-from motionlake.matching.played import BESIDE, REST, SHORT, Ending, Played
+from motionlake.matching.played import BESIDE, REST, SHORT, Ending, costs_of_before
 from motionlake.matching.recordings import FPS
-from motionlake.matching.search import distances, drawn
+from motionlake.matching.search import SPREAD, drawn
 from motionlake.matching.steering import Steering
 
 SEARCH: Final = 6  # frames between searches along a path
@@ -29,9 +29,6 @@ WAIT: Final = 0.02  # tolerances that a frame of waiting for it costs
 FREE: Final = 0.2  # weight of the trajectory where no path says what is wanted
 RAMP: Final = 0.8  # seconds in which a new class gets to its speed
 ARRIVED: Final = 60  # frames in which a new class gets to its speed by other runs, where it does not at once
-# Tolerances that a frame costs by which flights do not fit: joined, they would be of another length.
-FLIGHT: Final = 1.0
-TOO_LONG: Final = 8.0  # tolerances that a frame costs from which a flight is longer than any that is recorded
 SETTLE: Final = 0.12  # seconds: half-life of a difference in the root's speed
 LOOP: Final = 24  # frames before the first that a loop ends with
 
@@ -57,15 +54,9 @@ class Player:
         self._scales = database.scales
         self._pose = self._scales.copy()
         self._pose[POSE:] *= FREE
-        self._given = database.scales.copy()
-        self._given[POSE:] = 0  # where given frames go is not known
-        self._played = Played(database)
-        self._frames_of = [rows % len(database) for rows in database.rows]
-        self._flights = [database.longest_flight(target) for target in range(len(database.rows))]
-        self._short = [played.costs_of_short(database, rows) for rows in database.rows]
+        self._costs = RowCosts(database, {part.target for part in parts}, style)
         self._ending = Ending.of(database, parts[-1].target, (frames - parts[-1].first) * pace)
-        self._style = [np.zeros(1) if style is None else style[rows] for rows in database.rows]
-        self._at, self._mirrored, self._even = 0.0, False, style is None
+        self._at, self._mirrored = 0.0, False
         self._drift_speed = np.zeros(3)  # by which the root goes otherwise than the run that is played
         self._end, self._until, self._part = 0, 0, 0
 
@@ -76,7 +67,10 @@ class Player:
         place, heading = np.empty((count, 2)), np.empty(count)
         jumps = [0]
         here, yaw = start.place.copy(), start.heading
-        self._begin(None if drawn else start)
+        if drawn:
+            self._begin_anywhere()
+        else:
+            self._begin(start)
         first = (self._at, self._mirrored)
         closing = self._closing(first) if self._loop else None
         change: int | None = None
@@ -100,27 +94,30 @@ class Player:
                         self._jump(found, t)
                         jumps.append(t)
             at[t], mirrored[t], place[t], heading[t] = self._at, self._mirrored, here, yaw
-            self._played.mark(int(self._at), t)
+            self._costs.mark(int(self._at), t)
         return Course(at, mirrored, place, heading, jumps)
 
-    def _begin(self, start: Start | None) -> None:
-        if start is None:
-            rows = self._data.rows[self._parts[0].target]
-            before = (rows % len(self._data)) - self._data.pieces[self._data.piece_of[rows % len(self._data)], 0]
-            fits = rows[(before >= min(LOOP, int(before.max()))) & np.isfinite(self._short[self._parts[0].target])]
-            row = int(self._rng.choice(fits if len(fits) else rows))
-            self._drift_speed[:] = 0
-            self._go(row, 0)
-            return
-        query, weights = start.query.copy(), self._given
-        if self._is_aimed(0):
+    def _begin_anywhere(self) -> None:
+        target = self._parts[0].target
+        rows = self._data.rows[target]
+        frames = rows % len(self._data)
+        before = frames - self._data.pieces[self._data.piece_of[frames], 0]
+        fits = rows[(before >= min(LOOP, int(before.max()))) & np.isfinite(self._costs.short[target])]
+        self._go(int(self._rng.choice(fits if len(fits) else rows)), 0)
+
+    def _begin(self, start: Start) -> None:
+        """Play what goes on from a start: the first frame is the one after the nearest to the last that is given."""
+        query, given, target = start.query.copy(), self._data.pose_scales, self._parts[0].target
+        aimed = self._is_aimed(0)
+        if aimed:
             self._aim(query, start.place, start.heading, float(np.hypot(*start.step[:2])), 0)
-            weights = self._scales
-        beside = np.zeros(1)
+        costs = self._costs_of(query, start.aloft, target, 0, self._scales if aimed else given)
         if start.before is not None:
-            beside = played.costs_of_before(self._data, self._parts[0].target, start.before, self._given)
-        # The nearest to the last given frame is found; the first frame of the motion is the one after it.
-        self._go(self._choose(query, start.aloft, 0, weights, 1.0, beside, one_of_each=True) + 1, 0)
+            costs += costs_of_before(self._data, target, start.before, given)
+        if not aimed:
+            pieces = self._data.piece_of[self._data.rows[target] % len(self._data)]
+            costs += self._temperature * self._data.tolerance * self._data.begins[pieces]
+        self._go(self._drawn(costs, SPREAD, one_of_each=True) + 1, 0)
         self._drift_speed = start.step - self._rates()
 
     def _closing(self, first: tuple[float, bool]) -> int:
@@ -206,32 +203,19 @@ class Player:
         new = self._part > 0 and t < part.first + ARRIVED
         return self._steering is not None or (part.speed is not None and (part.held or new))
 
-    def _costs(self, query: Float32Array, aloft: float, target: int, t: int, weights: Float32Array) -> Float64Array:
+    def _costs_of(self, query: Float32Array, aloft: float, target: int, t: int, weights: Float32Array) -> Float64Array:
         """[n] of the rows of a class, after a frame that was so long in the air."""
-        rows = self._data.rows[target]
-        out = np.empty(len(rows), dtype=np.float32)
-        distances(self._data.compared, rows, query, weights, out)
-        frames = self._frames_of[target]
-        beside = self._played.costs(frames, target, t, even=self._even and not self._is_aimed(t))
-        beside += FLIGHT * np.abs(self._data.aloft[frames] - aloft)
-        landing = self._data.landing[frames]
-        beside += TOO_LONG * (aloft + landing > self._flights[target]) * (landing > 0)
-        last = self._part + 1 == len(self._parts) and not self._is_aimed(t)
-        late = self._ending.costs((self._frames - t) * self._pace) if last else 0.0
-        return np.asarray(out + self._ends(target, t) + self._style[target] + late + self._data.tolerance * beside)
+        aimed, left = self._is_aimed(t), (self._frames - t) * self._pace
+        ending = self._ending if self._part + 1 == len(self._parts) and not aimed else None
+        return self._costs.of(target, query, weights, aloft, t, left, even=not aimed, ending=ending)
 
-    def _ends(self, target: int, t: int) -> Float64Array:
-        """[n] what rows of a class cost of whose recordings little is left, for a while or to the end of the motion."""
-        left = (self._frames - t) * self._pace
-        return self._short[target] if left >= REST else played.costs_of_short(self._data, self._data.rows[target], left)
+    def _choose(self, query: Float32Array, aloft: float, t: int, weights: Float32Array, spread: float) -> int:
+        """A row among the nearest: the nearer the likelier, within `spread` tolerances."""
+        return self._drawn(self._costs_of(query, aloft, self._parts[self._part].target, t, weights), spread)
 
-    def _choose(
-        self, query: Float32Array, aloft: float, t: int, weights: Float32Array, spread: float,
-        beside: Float64Array | float = 0.0, one_of_each: bool = False,
-    ) -> int:  # fmt: skip
-        """A row among the nearest, or one of each recording: the nearer the likelier, within `spread` tolerances."""
-        target = self._parts[self._part].target
-        rows, costs = self._data.rows[target], self._costs(query, aloft, target, t, weights) + beside
+    def _drawn(self, costs: Float64Array, spread: float, *, one_of_each: bool = False) -> int:
+        """A row of the class, of costs [n], or one of each recording."""
+        rows = self._data.rows[self._parts[self._part].target]
         width = spread * self._temperature * self._data.tolerance
         recordings = self._data.recordings[rows] if one_of_each else None
         return int(rows[drawn(costs, width, self._rng, recordings)])
@@ -252,9 +236,9 @@ class Player:
             return None
         query = self._query(here, yaw, t)
         if ends:
-            return self._choose(query, self._aloft(), t, self._pose, 1.0)
+            return self._choose(query, self._aloft(), t, self._pose, SPREAD)
         self._until = t + SEARCH
-        found = self._choose(query, self._aloft(), t, self._pose, 1.0)
+        found = self._choose(query, self._aloft(), t, self._pose, SPREAD)
         apart = np.linalg.norm((self._data.compared[found] - query) * self._pose)
         return found if apart <= self._data.tolerance else None
 
@@ -278,7 +262,7 @@ class Player:
             if self._steering is None:
                 speed = float(np.hypot(*self._data.steps[low + wait]))
                 self._aim(query, np.zeros(2), 0.0, speed, part.first)
-            costs = self._costs(query, float(self._data.aloft[low + wait]), part.target, t, self._scales)
+            costs = self._costs_of(query, float(self._data.aloft[low + wait]), part.target, t, self._scales)
             best = min(best, (float(costs.min()) + WAIT * self._data.tolerance * wait, wait))
         self._part = before
         return best[1]

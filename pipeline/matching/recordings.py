@@ -203,3 +203,11 @@ def _smooth(rows: Float64Array) -> Float64Array:
     padded = np.pad(rows, width, mode="reflect", reflect_type="odd") if reach else rows
     smoothed: Float64Array = gaussian_filter1d(padded, SMOOTH, axis=0)[reach : reach + len(rows)]
     return smoothed
+
+
+def steps_of(motion: RootedMotion) -> Float64Array:
+    """[T, 3] steps (left, ahead) and turn of the root to the next frame, a second; the last repeats."""
+    steps, turns = np.diff(motion.place, axis=0), np.diff(motion.heading)
+    left, ahead = turn_on_ground(steps[:, 0], steps[:, 1], -motion.heading[:-1])
+    rows = np.stack([left, ahead, turns], axis=1) * FPS
+    return np.concatenate([rows, rows[-1:]])

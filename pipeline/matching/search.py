@@ -10,6 +10,7 @@ from motionlake.arrays import Float64Array, Int64Array
 from motionlake.kernels import njit
 
 NEAR: Final = 32  # nearest rows that chance chooses from
+SPREAD: Final = 1.0  # tolerances above the least cost, within which it does where nothing else is wanted
 
 
 @njit(cache=True, fastmath=True)

@@ -241,7 +241,7 @@ class GeneratorModel(ModelKind[MotionSet]):
     def _matching(
         self, config: SynthesisConfig, clips: list[MatchingClip], metrics: Mapping[str, Any]
     ) -> MatchingGenerator:
-        from motionlake.matching.database import build_database
+        from motionlake.matching.building import build_database
         from motionlake.matching.generator import MatchingGenerator
 
         database = build_database(clips, config.seed)
