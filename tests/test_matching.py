@@ -182,6 +182,17 @@ def test_toes_of_a_foot_that_leaves_the_ground_are_not_flicked_ahead(made_by: Ma
     assert far[17:].max() < far[:12].max()
 
 
+def test_an_ankle_below_its_toes_does_not_tell_how_high_it_stands(made_by: MatchingGenerator) -> None:
+    """Seen of a depth sensor, which loses ankles, and of one who lies: standing ankles were lowered onto the toes."""
+    hips, rotations, body, _ = stood()
+    joints = forward_kinematics(hips, rotations, body)
+    lost = joints.copy()
+    lost[::5, FEET[0::2], 1] -= 0.3
+    np.testing.assert_allclose(heights_standing(lost, 0.0), heights_standing(joints, 0.0), atol=1e-9)
+    joints[:, FEET[0::2], 1] -= 0.3
+    assert np.isfinite(heights_standing(joints, 0.0)).all()
+
+
 def leaning(turn: float) -> tuple[Float64Array, Float64Array, Float64Array, Soles, float, int]:
     """As `stood`, leaning aside by so much, radians; how feet stand upright, and which is lower, 0 or 1."""
     hips, rotations, body, size = stood()

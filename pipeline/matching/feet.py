@@ -240,11 +240,15 @@ def _rising(metres: Float64Array) -> Float64Array:
 
 
 def heights_standing(joints: Float64Array, ground: float) -> Float64Array:
-    """[4] heights over the ground of the joints of `FEET` of a body's frames [F, 21, 3], where they are lowest."""
-    feet = joints[:, FEET, 1] - ground
-    lowest = np.quantile(feet, 0.05, axis=0)
-    level: Float64Array = np.repeat(np.minimum(lowest[:2], lowest[2:])[None], 2, axis=0).ravel()
-    return level
+    """[4] heights over the ground of the joints of `FEET` of a body's frames [F, 21, 3], where they are lowest.
+
+    An ankle that is below its toes does not stand: the feet of one who lies point up, and depth sensors lose ankles.
+    """
+    feet = (joints[:, FEET, 1] - ground).reshape(-1, 2, 2)
+    stands = feet[..., 0] >= feet[..., 1]
+    ankles = np.where(stands | ~stands.any(axis=0), feet[..., 0], np.nan)
+    lowest = np.nanquantile(np.stack([ankles, feet[..., 1]], axis=-1), 0.05, axis=0)
+    return np.asarray(np.tile(lowest.min(axis=0), 2))
 
 
 def standing_above(pose: Float64Array, stands: BoolArray, lowest: Float64Array) -> float:
