@@ -18,7 +18,7 @@ from motionlake.matching.player import Player
 
 from bench.canonical_sets import LabelledClip
 from bench.made.splits import parted
-from bench.matching_clips import database_of
+from bench.matching_clips import database_of, offsets_of
 
 BOWS = "bandai1 bow"  # of fifteen manners
 
@@ -91,7 +91,7 @@ def test_the_same_frames_get_the_same_costs(recordings: Path) -> None:
     np.testing.assert_array_equal(data.begins, costs_of_beginning(data))
     assert data.begins.mean() == pytest.approx(0, abs=1e-9)
     assert np.ptp(data.begins) > 0.2
-    bigger = [replace(c, positions=c.positions * 100, rest_offsets=c.rest_offsets * 100) for c in clips_of_bows(0)]
+    bigger = [replace(c, positions=c.positions * 100, rest_offsets=offsets_of(c) * 100) for c in clips_of_bows(0)]
     np.testing.assert_allclose(database_of(bigger).begins, data.begins, atol=0.05)  # nothing is told in metres
 
 
