@@ -183,12 +183,16 @@ def test_toes_of_a_foot_that_leaves_the_ground_are_not_flicked_ahead(made_by: Ma
 
 
 def test_an_ankle_below_its_toes_does_not_tell_how_high_it_stands(made_by: MatchingGenerator) -> None:
-    """Seen of a depth sensor, which loses ankles, and of one who lies: standing ankles were lowered onto the toes."""
-    hips, rotations, body, _ = stood()
+    """Seen of a depth sensor, which loses ankles; those of one who lies are as low as that."""
+    hips, rotations, body, size = stood()
     joints = forward_kinematics(hips, rotations, body)
     lost = joints.copy()
     lost[::5, FEET[0::2], 1] -= 0.3
     np.testing.assert_allclose(heights_standing(lost, 0.0), heights_standing(joints, 0.0), atol=1e-9)
+    lying = joints.copy()
+    lying[::2, :, 1] = 0.1 * size
+    lying[::2, FEET[0::2], 1] = 0.0
+    assert heights_standing(lying, 0.0)[0] < heights_standing(joints, 0.0)[0] - 0.01 * size
     joints[:, FEET[0::2], 1] -= 0.3
     assert np.isfinite(heights_standing(joints, 0.0)).all()
 

@@ -32,6 +32,7 @@ EASE: Final = 8  # frames after given ones in which the body begins to settle
 BLEND: Final = 5  # frames over which a foot comes to where it stands, and leaves it
 SITS: Final = 0.12  # body lengths that the hips of one who sits or lies are above where toes stand, at most
 KNEELS: Final = 0.06  # likewise a knee that is on the ground
+UPRIGHT: Final = 0.5  # of the greatest height of the hips
 OTHERS: Final = [joint for joint in INDEX.values() if joint not in FEET]
 
 
@@ -242,10 +243,10 @@ def _rising(metres: Float64Array) -> Float64Array:
 def heights_standing(joints: Float64Array, ground: float) -> Float64Array:
     """[4] heights over the ground of the joints of `FEET` of a body's frames [F, 21, 3], where they are lowest.
 
-    An ankle that is below its toes does not stand: the feet of one who lies point up, and depth sensors lose ankles.
+    Where a body is upright an ankle that is below its toes does not stand: depth sensors lose ankles.
     """
-    feet = (joints[:, FEET, 1] - ground).reshape(-1, 2, 2)
-    stands = feet[..., 0] >= feet[..., 1]
+    feet, hips = (joints[:, FEET, 1] - ground).reshape(-1, 2, 2), joints[:, INDEX["hips"], 1] - ground
+    stands = (feet[..., 0] >= feet[..., 1]) | (hips < UPRIGHT * hips.max())[:, None]
     ankles = np.where(stands | ~stands.any(axis=0), feet[..., 0], np.nan)
     lowest = np.nanquantile(np.stack([ankles, feet[..., 1]], axis=-1), 0.05, axis=0)
     return np.asarray(np.tile(lowest.min(axis=0), 2))
