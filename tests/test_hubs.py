@@ -95,7 +95,7 @@ def test_the_same_frames_get_the_same_costs(recordings: Path) -> None:
     np.testing.assert_allclose(database_of(bigger).begins, data.begins, atol=0.05)  # nothing is told in metres
 
 
-def begun(data: MotionDatabase, temperature: float = 1.0) -> list[int]:
+def begun(data: MotionDatabase, temperature: float = 1.0, style: Float64Array | None = None) -> list[int]:
     """Pieces that motions of bows begin in, that go on from clips left out."""
     found = []
     given = database_of(clips_of_bows(1))
@@ -104,7 +104,7 @@ def begun(data: MotionDatabase, temperature: float = 1.0) -> list[int]:
         start = Start(given.features[at], 0.0, np.zeros(3), np.zeros(2), 0.0, given.features[at - 3])
         for seed in range(30):
             rng = np.random.default_rng(seed)
-            player = Player(data, [Part(0, 0)], int(stop) - at, rng, temperature=temperature)
+            player = Player(data, [Part(0, 0)], int(stop) - at, rng, temperature=temperature, style=style)
             found.append(int(data.piece_of[int(player.run(start).at[0])]))
     return found
 
@@ -120,3 +120,5 @@ def test_motions_begin_in_more_recordings_alike(recordings: Path) -> None:
 
     assert most(begun(data)) < most(begun(without)) - 0.05
     assert begun(data, temperature=0.0) == begun(without, temperature=0.0)  # the likeliest motion is the nearest
+    manner = np.zeros(2 * len(data))
+    assert begun(data, style=manner) == begun(without, style=manner)  # what is asked for comes first

@@ -17,10 +17,15 @@ TOO_LONG: Final = 8.0  # tolerances that a frame costs from which a flight is lo
 
 
 class RowCosts:
-    """Of one motion of some classes what rows cost; `style` [2 N] is what they cost beside all else (`style_costs`)."""
+    """Of one motion of some classes what rows cost; `style` [2 N] is what they cost beside all else (`style_costs`).
+
+    Attributes:
+        even: no manner is asked for, so that recordings are to be played alike.
+        short: of each class [n] what rows cost after which little is left of the recording (`costs_of_short`).
+    """
 
     def __init__(self, database: MotionDatabase, targets: Iterable[int], style: Float64Array | None = None) -> None:
-        self._data, self._played, self._even = database, Played(database), style is None
+        self._data, self._played, self.even = database, Played(database), style is None
         self._rows = {target: database.rows[target] for target in targets}
         self._frames = {target: rows % len(database) for target, rows in self._rows.items()}
         self._flights = {target: database.longest_flight(target) for target in self._rows}
@@ -50,7 +55,7 @@ class RowCosts:
         rows, frames = self._rows[target], self._frames[target]
         out = np.empty(len(rows), dtype=np.float32)
         distances(self._data.compared, rows, query, weights, out)
-        beside = self._played.costs(frames, target, t, even=even and self._even)
+        beside = self._played.costs(frames, target, t, even=even and self.even)
         beside += FLIGHT * np.abs(self._data.aloft[frames] - aloft)
         landing = self._data.landing[frames]
         beside += TOO_LONG * (aloft + landing > self._flights[target]) * (landing > 0)

@@ -22,7 +22,7 @@ from motionlake.matching.search import SPREAD
 ASKED: Final = 256  # frames of a class that motion might go on from, at most
 CHANCE: Final = SPREAD / 2  # tolerances further for which chance draws a recording e times less often
 PULL: Final = 5.0  # tolerances that it costs to be begun in e times as often as usual
-DRAWS: Final = 0.25  # are added to how often each is begun in: few frames tell little
+DRAWS: Final = 0.25  # added to how often each is begun in: few frames tell little
 STEPS: Final = 60
 
 

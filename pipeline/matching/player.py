@@ -114,7 +114,7 @@ class Player:
         costs = self._costs_of(query, start.aloft, target, 0, self._scales if aimed else given)
         if start.before is not None:
             costs += costs_of_before(self._data, target, start.before, given)
-        if not aimed:
+        if self._costs.even and not aimed:
             pieces = self._data.piece_of[self._data.rows[target] % len(self._data)]
             costs += self._temperature * self._data.tolerance * self._data.begins[pieces]
         self._go(self._drawn(costs, SPREAD, one_of_each=True) + 1, 0)
