@@ -13,7 +13,15 @@ from hypothesis import strategies as st
 from motionlake.arrays import Float64Array, Int64Array
 from motionlake.matching.course import GIVEN, Part, Start
 from motionlake.matching.database import MotionDatabase
-from motionlake.matching.hubs import CHANCE, DRAWS, PULL, balanced, costs_of_beginning
+from motionlake.matching.hubs import (
+    CHANCE,
+    DRAWS,
+    PULL,
+    apart_from_recordings,
+    asked_frames,
+    balanced,
+    costs_of_beginning,
+)
 from motionlake.matching.player import Player
 
 from bench.canonical_sets import LabelledClip
@@ -83,6 +91,39 @@ def test_one_clip_is_not_drawn_beside_itself(recordings: Path) -> None:
     np.testing.assert_array_equal(database_of(pieces).begins, 0)
     others = [replace(piece, name=f"{i}") for i, piece in enumerate(pieces)]
     assert np.ptp(database_of(others).begins) > 0
+
+
+@pytest.mark.recordings
+def test_recordings_are_as_far_as_a_naive_search_says(recordings: Path) -> None:
+    data = bows()
+    apart, frames = apart_from_recordings(data, 0), asked_frames(data, 0)
+    columns = np.unique(data.recordings[data.rows[0]])
+    assert apart.shape == (len(frames), len(columns))
+    ending, scales = data.is_action(0), data.pose_scales
+    for q in (0, len(frames) // 2):
+        frame = int(frames[q])
+        own, left = int(data.piece_of[frame]), float(data.left[frame])
+        before = data.compared[max(frame - 3, data.pieces[own, 0])]
+        for c, recording in enumerate(columns):
+            piece = int(recording) % len(data.pieces)
+            nearest = np.inf
+            for at in range(*data.pieces[piece, :2]):
+                row = at + (len(data) if recording != piece else 0)
+                earlier = row - 3 if at - 3 >= data.pieces[piece, 0] else row
+                cost = float(np.linalg.norm((data.compared[row] - data.compared[frame]) * scales))
+                cost += 0.5 * float(np.linalg.norm((data.compared[earlier] - before) * scales))
+                cost += data.tolerance * abs(float(data.aloft[at] - data.aloft[frame]))
+                landing = float(data.landing[at])
+                if landing > 0 and data.aloft[frame] + landing > data.longest_flight(0):
+                    cost += 8 * data.tolerance
+                remains, rest = float(data.left[at]), min(left, 30.0)
+                cost += 3 * data.tolerance * max(0.0, 1 - remains / max(rest, 1.0)) ** 2
+                if ending and left >= np.median(np.diff(data.pieces[:, :2])) / 2:
+                    cost += 4 * data.tolerance * min(abs(remains - left) / 30, 1.0)
+                if remains >= min(4, rest):
+                    nearest = min(nearest, cost)
+            wanted = np.inf if piece == own else nearest / data.tolerance
+            assert apart[q, c] == pytest.approx(wanted, rel=1e-4)
 
 
 @pytest.mark.recordings

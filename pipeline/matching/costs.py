@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from motionlake.arrays import Float32Array, Float64Array
 from motionlake.matching.database import MotionDatabase
-from motionlake.matching.played import REST, Ending, Played, costs_of_short
+from motionlake.matching.played import REST, Ending, Played, costs_of_before, costs_of_short
 from motionlake.matching.search import distances
 
 # Tolerances that a frame costs by which flights do not fit: joined, they would be of another length.
@@ -38,7 +38,7 @@ class RowCosts:
 
     def of(
         self, target: int, query: Float32Array, weights: Float32Array, aloft: float, t: int, left: float,
-        *, even: bool, ending: Ending | None = None,
+        *, even: bool, ending: Ending | None = None, before: Float32Array | None = None,
     ) -> Float64Array:  # fmt: skip
         """[n] of the rows of a class.
 
@@ -51,6 +51,7 @@ class RowCosts:
             left: recorded frames for which there is time to its end.
             even: recordings that had more than their share cost more.
             ending: how the motion ends with the action; None: it does not.
+            before: [48] features of the given frame a tenth of a second before, where the motion begins; None: of none.
         """
         rows, frames = self._rows[target], self._frames[target]
         out = np.empty(len(rows), dtype=np.float32)
@@ -61,4 +62,7 @@ class RowCosts:
         beside += TOO_LONG * (aloft + landing > self._flights[target]) * (landing > 0)
         short = self.short[target] if left >= REST else costs_of_short(self._data, rows, left)
         late = 0.0 if ending is None else ending.costs(left)
-        return np.asarray(out + short + self._style[target] + late + self._data.tolerance * beside)
+        found = out + short + self._style[target] + late + self._data.tolerance * beside
+        if before is not None:
+            found += costs_of_before(self._data, target, before, self._data.pose_scales)
+        return np.asarray(found)

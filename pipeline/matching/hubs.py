@@ -16,7 +16,7 @@ from motionlake.arrays import Float64Array, Int64Array
 from motionlake.matching.costs import RowCosts
 from motionlake.matching.course import GIVEN
 from motionlake.matching.database import APART, MotionDatabase
-from motionlake.matching.played import Ending, costs_of_before
+from motionlake.matching.played import Ending
 from motionlake.matching.search import SPREAD
 
 ASKED: Final = 256  # frames of a class that motion might go on from, at most
@@ -30,11 +30,11 @@ def costs_of_beginning(database: MotionDatabase) -> Float64Array:
     """[M] tolerances that it costs to begin in each piece of a database: more of hubs, 0 in the mean of a class."""
     costs = np.zeros(len(database.pieces))
     for target in range(len(database.classes)):
-        own = np.flatnonzero(database.pieces[:, 2] == target)
-        recordings = np.unique(database.recordings[database.rows[target]])
-        apart = _apart(database, target, own, recordings)
+        apart = apart_from_recordings(database, target)
         if len(apart):
-            costs[own] = balanced(apart, np.searchsorted(own, recordings % len(database.pieces)))
+            own = np.flatnonzero(database.pieces[:, 2] == target)
+            owners = _recordings(database, target) % len(database.pieces)
+            costs[own] = balanced(apart, np.searchsorted(own, owners))
     return costs
 
 
@@ -62,24 +62,29 @@ def _by_owner(chances: Float64Array, owners: Int64Array) -> Float64Array:
     return np.asarray(np.bincount(owners, chances.sum(axis=0)))
 
 
-def _apart(database: MotionDatabase, target: int, own: Int64Array, recordings: Int64Array) -> Float64Array:
-    """[Q, C] tolerances from frames of a class to its recordings and their mirror images [C], but for those of its own
-    clip, as a motion is begun that goes on from the frame.
+def _recordings(database: MotionDatabase, target: int) -> Int64Array:
+    """[C] the recordings of a class and their mirror images."""
+    return np.unique(database.recordings[database.rows[target]])
+
+
+def apart_from_recordings(database: MotionDatabase, target: int) -> Float64Array:
+    """[Q, C] tolerances from the asked frames of a class to the nearest frame of each of its recordings and of each
+    mirror image, as a motion is begun that goes on from the frame; infinite of those of its own clip.
+
+    A frame that has no others is left out.
     """
-    rows = database.rows[target]
-    costs = RowCosts(database, [target])
+    recordings, costs = _recordings(database, target), RowCosts(database, [target])
     clips, pieces = np.array(database.clips), recordings % len(database.pieces)
-    column = np.searchsorted(recordings, database.recordings[rows])
+    column = np.searchsorted(recordings, database.recordings[database.rows[target]])
     found = []
-    for frame in _asked(database, target, own):
+    for frame in asked_frames(database, target):
         left, piece = float(database.left[frame]), database.piece_of[frame]
         ending = Ending.of(database, target, left)
         before = database.compared[max(frame - APART, database.pieces[piece, 0])]
         each = costs.of(
             target, database.compared[frame], database.pose_scales, float(database.aloft[frame]), 0, left,
-            even=False, ending=ending,
+            even=False, ending=ending, before=before,
         )  # fmt: skip
-        each += costs_of_before(database, target, before, database.pose_scales)
         nearest = np.full(len(recordings), np.inf)
         np.minimum.at(nearest, column, each / database.tolerance)
         nearest[clips[pieces] == clips[piece]] = np.inf
@@ -88,9 +93,9 @@ def _apart(database: MotionDatabase, target: int, own: Int64Array, recordings: I
     return np.array(found)
 
 
-def _asked(database: MotionDatabase, target: int, own: Int64Array) -> Int64Array:
+def asked_frames(database: MotionDatabase, target: int) -> Int64Array:
     """Frames from which motion of a class might go on, as many of each piece: of an action the last that is given."""
-    rng = np.random.default_rng(target)
+    rng, own = np.random.default_rng(target), np.flatnonzero(database.pieces[:, 2] == target)
     asked = rng.permutation(own)[:ASKED]
     first, stop = database.pieces[asked, :2].T
     if database.is_action(target):

@@ -16,7 +16,7 @@ from motionlake.matching.costs import RowCosts
 from motionlake.matching.course import Course, Part, Start
 from motionlake.matching.database import MotionDatabase
 from motionlake.matching.features import AHEAD, HEADINGS, PLACES, POSE
-from motionlake.matching.played import BESIDE, REST, SHORT, Ending, costs_of_before
+from motionlake.matching.played import BESIDE, REST, SHORT, Ending
 from motionlake.matching.recordings import FPS
 from motionlake.matching.search import SPREAD, drawn
 from motionlake.matching.steering import Steering
@@ -107,13 +107,11 @@ class Player:
 
     def _begin(self, start: Start) -> None:
         """Play what goes on from a start: the first frame is the one after the nearest to the last that is given."""
-        query, given, target = start.query.copy(), self._data.pose_scales, self._parts[0].target
-        aimed = self._is_aimed(0)
+        query, target, aimed = start.query.copy(), self._parts[0].target, self._is_aimed(0)
         if aimed:
             self._aim(query, start.place, start.heading, float(np.hypot(*start.step[:2])), 0)
-        costs = self._costs_of(query, start.aloft, target, 0, self._scales if aimed else given)
-        if start.before is not None:
-            costs += costs_of_before(self._data, target, start.before, given)
+        weights = self._scales if aimed else self._data.pose_scales
+        costs = self._costs_of(query, start.aloft, target, 0, weights, start.before)
         if self._costs.even and not aimed:
             pieces = self._data.piece_of[self._data.rows[target] % len(self._data)]
             costs += self._temperature * self._data.tolerance * self._data.begins[pieces]
@@ -203,11 +201,14 @@ class Player:
         new = self._part > 0 and t < part.first + ARRIVED
         return self._steering is not None or (part.speed is not None and (part.held or new))
 
-    def _costs_of(self, query: Float32Array, aloft: float, target: int, t: int, weights: Float32Array) -> Float64Array:
+    def _costs_of(
+        self, query: Float32Array, aloft: float, target: int, t: int, weights: Float32Array,
+        before: Float32Array | None = None,
+    ) -> Float64Array:  # fmt: skip
         """[n] of the rows of a class, after a frame that was so long in the air."""
         aimed, left = self._is_aimed(t), (self._frames - t) * self._pace
         ending = self._ending if self._part + 1 == len(self._parts) and not aimed else None
-        return self._costs.of(target, query, weights, aloft, t, left, even=not aimed, ending=ending)
+        return self._costs.of(target, query, weights, aloft, t, left, even=not aimed, ending=ending, before=before)
 
     def _choose(self, query: Float32Array, aloft: float, t: int, weights: Float32Array, spread: float) -> int:
         """A row among the nearest: the nearer the likelier, within `spread` tolerances."""
